@@ -1,6 +1,6 @@
 """Tables, numbers with units, JSON and figure styles for all reports.
 
-Figures have the font size (8 pt) and the column widths of Physical Review.
+Figures have the font size (8 pt) and the column widths of Physical Review, see ``granular/journal.mplstyle``.
 """
 
 from __future__ import annotations
@@ -9,10 +9,11 @@ import math
 import os
 import platform
 import re
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any
 
 from granular._engine.check import import_optional
@@ -129,6 +130,11 @@ def with_unit(text: str, units: str, between: str = ", ") -> str:
     return text if units in ("", "1") else text + between + INVERSE_UNIT.sub(r"/\1", units)
 
 
+def axis_label(text: str, units: str) -> str:
+    """Return the label of an axis with its unit, such as "v (m/s)". `units` is as in `with_unit`."""
+    return with_unit(text, units, " (") + ")" * (units not in ("", "1"))
+
+
 def abridged_rows(rows: Rows, most: int = 12) -> Rows:
     """Return the rows of a table, or the first and last rows if it has over `most`."""
     half = most // 2
@@ -165,7 +171,7 @@ def _png(figure: Any) -> bytes:
     import io
 
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=90)
+    figure.savefig(stream, format="png", dpi=110)
     return stream.getvalue()
 
 
@@ -240,20 +246,25 @@ def duration(seconds: float) -> str:
     return f"{seconds / scale:.3g} {name}"
 
 
-def style() -> AbstractContextManager[None]:
-    """Return a context manager that sets matplotlib to the style of printed figures."""
-    context: AbstractContextManager[None] = import_optional("matplotlib", "plot").rc_context({
-        "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
-        "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
-        "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.direction": "in", "ytick.direction": "in",
-        "xtick.top": True, "ytick.right": True, "legend.frameon": False, "savefig.dpi": 300,
-        "xtick.major.width": 0.6, "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4,
-    })
-    return context
+@contextmanager
+def style() -> Iterator[None]:
+    """Set matplotlib to the style of printed figures, as a context manager or a decorator."""
+    with import_optional("matplotlib.style", "plot").context("granular.journal"):
+        yield
 
 
 def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
-    """Return a figure with a size in inches, and its axes as an array (rows, columns)."""
+    """Return a figure with a size in inches, and its axes as an array (rows, columns).
+
+    The figure keeps the style of printed figures when it is saved later.
+    """
     figure = import_optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
     figure._repr_png_ = partial(_png, figure)
+    figure.draw = style()(figure.draw)  # ticks are created when they are drawn
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def add_letters(axes: Iterable[Any]) -> None:
+    """Write (a), (b), … above the left corners of the panels."""
+    for axis, letter in zip(axes, ascii_lowercase, strict=False):
+        axis.set_title(f"({letter})", loc="left")

@@ -10,7 +10,16 @@ import numpy as np
 
 from granular._engine import files
 from granular._engine.check import Array
-from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, canvas, unit_of
+from granular._engine.reports import (
+    GREY_COLOUR,
+    HARD_COLOUR,
+    SOFT_COLOUR,
+    UNIT_PREFIXES,
+    add_letters,
+    canvas,
+    style,
+    unit_of,
+)
 from granular.comparison.further import repeat_with_samples
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, parameters, window
 from granular.run.figures import MAX_LABELS, SMALL_FONT, draw_world_lines, write_titles
@@ -32,6 +41,7 @@ MAX_FORCE_CURVES = 6
 """Maximum number of pairs whose forces are drawn as curves. More pairs get a map."""
 
 
+@style()
 def plot(report: ComparisonWithAnswer, path: str | PathLike[str] | None = None) -> Any:
     """Draw the figure of a comparison, see `Comparison.plot`."""
     view, n = window(report), report.scene.n_pairs
@@ -53,9 +63,10 @@ def plot(report: ComparisonWithAnswer, path: str | PathLike[str] | None = None) 
         axis.set_xlim(view.limits)
         axis.tick_params(labelbottom=axis is shared[-1])
     shared[-1].set_xlabel(view.named)
-    axes[0].legend(*axes[-1].get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3,
+    axes[0].legend(*axes[-1].get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.04, 1.0), ncols=3,
                    frameon=False, borderaxespad=0.2, **SMALL_FONT)
     figure.align_ylabels(panels[:, 0])
+    add_letters(panels[:, 0])
     return files.write_figure(path, figure, dpi=200)
 
 
@@ -125,7 +136,7 @@ def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
     for axis, c in zip(axes[::-1], range(soft.scene.n_pairs), strict=True):
         unit, name = unit_of(float(force[:, c].max(initial=0.0)) or 2.0, "N", prefixes=FORCE_PREFIXES)
         force_curve(axis, view.clock(soft.time), force[:, c] / unit)
-        axis.set_ylabel(f"force of\n{soft.scene.pairs.name(c)}, {name}")
+        axis.set_ylabel(f"force of\n{soft.scene.pairs.name(c)} ({name})")
 
 
 def force_curve(axis: Any, clock: Array, force: Array) -> None:
@@ -150,6 +161,7 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     too.
     """
     from matplotlib.colors import PowerNorm
+    from matplotlib.ticker import MaxNLocator
 
     largest = np.zeros((FORCE_MAP_COLUMNS, soft.scene.n_pairs))
     left, right = view.shown
@@ -170,8 +182,9 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
         extent=(left, right, -0.5, soft.scene.n_pairs - 0.5),
         norm=PowerNorm(0.4, 0.0, peak / unit or 1.0),  # forces of a few per cent are seen too
     )
-    figure.colorbar(image, cax=axis.inset_axes((1.012, 0.0, 0.014, 1.0)), label=f"force, {name}")
+    figure.colorbar(image, cax=axis.inset_axes((1.012, 0.0, 0.014, 1.0)), label=f"force ({name})")
     axis.set_ylabel("pair")
+    axis.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
 
 def draw_runs(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:

@@ -150,8 +150,8 @@ def flight_page(story: Story) -> Page:
             in_flight = np.where(drawn[:, None] > story.tops[name][:, 0], np.nan, path)
             page.axes["heights"].plot(drawn, in_flight, color=LINE_COLOURS[name],
                                       ls={"hard": "--"}.get(name, "-"), lw=1.1)
-    page.panels[0].set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
-    page.axes["hard"].set_ylabel("height, radii taken out, m; dotted: dropped from here")
+    page.panels[0].set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time (s)" * story.charts)
+    page.axes["hard"].set_ylabel("height without radii (m); dotted: dropped from here")
     speed = film_speed(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
     page.tell(page.panels, time, [ACT_CAPTIONS[act].format(speed) for act, times in shown.items() for _ in times])
     return page

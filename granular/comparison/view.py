@@ -174,7 +174,7 @@ def draw_closeup(axis: Any, detail: Closeup, runs: Mapping[str, Trajectory]) -> 
         axis.plot(view.clock(t), y / unit, color=colour, ls=dash, lw=1.2)
     axis.fill_between(view.clock(time), np.minimum(gap, 0.0) / unit, color=SOFT_COLOUR, alpha=0.25, lw=0)
     axis.set(xlim=view.limits, ylim=(-bottom / unit, (1.45 * height + 0.2 * bottom) / unit),
-             xlabel=view.named, ylabel=f"distance of\n{view.report.scene.pairs.name(detail.pair)}, {name}")
+             xlabel=view.named, ylabel=f"gap of\n{view.report.scene.pairs.name(detail.pair)} ({name})")
     least = MIN_LABEL_DISTANCE * (view.shown[1] - view.shown[0])
     for i, x in well_separated(view.clock(detail.touches[:MAX_NUMBERED_TOUCHES].mean(axis=1)), least):
         axis.annotate(

@@ -16,7 +16,7 @@ import numpy as np
 
 from granular._engine import files
 from granular._engine.check import Array
-from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, canvas, unit_of
+from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, add_letters, canvas, scene_text, style, unit_of
 from granular.scene import Scene
 from granular.scene.places import point_positions
 
@@ -78,7 +78,7 @@ class Span:
     def named(self) -> str:
         """Label of the time axis."""
         label = f"time since the first contact at t = {self.zero:.6g} s" if self.zero else "time"
-        return f"{label}, {self.unit[1]}"
+        return f"{label} ({self.unit[1]})"
 
     def times(self, touches: Array, evenly: int) -> Array:
         """Return times in s at which paths are drawn.
@@ -91,6 +91,7 @@ class Span:
         return np.asarray(np.union1d(np.linspace(self.begin, self.end, evenly), within))
 
 
+@style()
 def plot(run: Any, path: str | PathLike[str] | None = None) -> Any:
     """Draw the paths of a run in one or two panels, see `Trajectory.plot`."""
     spans = spans_of(run)
@@ -99,6 +100,7 @@ def plot(run: Any, path: str | PathLike[str] | None = None) -> Any:
     for axis, span in zip(panels[:, 0], spans, strict=True):
         draw_paths(axis, run, span)
         axis.set_xlabel(span.named)
+    add_letters(panels[:, 0] if len(spans) > 1 else ())
     return files.write_figure(path, figure, dpi=200)
 
 
@@ -107,7 +109,7 @@ def run_titles(run: Any) -> tuple[str, str]:
 
     The title contains the number of contacts and the message, and the subtitle the scene.
     """
-    return f"{kind_of_spheres(run)} spheres, {len(run.contacts)} contacts: {run.message}", str(run.scene)
+    return f"{kind_of_spheres(run)} spheres, {len(run.contacts)} contacts: {run.message}", scene_text(run.scene)
 
 
 def kind_of_spheres(run: Any) -> str:
@@ -231,7 +233,7 @@ def draw_world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple
     pad = 0.04 * (top - bottom) or 1.0
     if scene.n <= MAX_LABELS:
         label_balls(axis, span, scene, first[-1] / unit, (top - bottom) / unit, LINE_COLOURS[next(iter(of))])
-    axis.set(xlim=span.limits, ylabel=f"paths, radii\ntaken out, {name}",
+    axis.set(xlim=span.limits, ylabel=f"position without\nradii ({name})",
              ylim=((bottom - pad) / unit, (top + pad) / unit))
     return unit
 

@@ -33,8 +33,9 @@ from granular.scene import Scene
 FILM_SUFFIXES = (".gif", ".mp4")
 MAX_BODIES = 60  # more balls cannot be distinguished
 FILM_STYLE = {
+    "font.family": ["STIXGeneral", "DejaVu Sans"], "mathtext.fontset": "stix", "font.size": 11,
     "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
-    "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.labelsize": 8.5, "axes.titlesize": 10.5,
+    "xtick.labelsize": 9, "ytick.labelsize": 9, "axes.labelsize": 10, "axes.titlesize": 12,
 }
 PAGE_SIZE, BARE_PAGE_SIZE = (9.6, 5.4), (6.4, 4.8)  # inches, with and without charts
 BALL_RADIUS, MIN_RADIUS_RATIO = 0.14, 0.16  # largest radius per length of the stage; smallest radius relative to it

@@ -6,6 +6,7 @@ It shows which methods stay right, and which errors are reported.
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass, replace
@@ -16,7 +17,7 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.progress import progress_callback
-from granular._engine.reports import HARD_COLOUR, PAGE_WIDTH, Report, aligned, canvas, number
+from granular._engine.reports import PAGE_WIDTH, Report, aligned, canvas, duration, number, style
 from granular.cases.case import Case
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
@@ -34,9 +35,13 @@ STEPS_PER_CONTACT = (8, 32, 128)
 
 The default dt of the method is tried as well.
 """
+POWER_OF_TEN = re.compile(r"\b1e([+-]\d+)")
 MAX_STEPS = 200_000
 """Maximum number of steps of a run."""
 VERDICT_SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
+SIGN_STYLES = {"!": ("black", "0.85", "flagged"), "✗": ("white", "black", "wrong without a warning"),
+               "?": ("black", "white", "reference solution unknown")}
+"""Colours of a sign and of its cell in the figure, and its text in the legend."""
 
 
 def _with_scaled_stiffness(case: Case, factor: float) -> Case:
@@ -161,25 +166,41 @@ class Stability(Report):
                                             for method in methods)]
                                   for scene in dict.fromkeys(row.scene for row in self.rows))]
 
+    @style()
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw the table, shaded by the number of right digits.
 
         Returns the figure, or saves it to `path`.
         """
+        from matplotlib.patches import Patch
+
         (_, *methods), *lines = self.table()
         ends = np.cumsum([0, *(len(cell.split()) for cell in lines[0][1:])])
-        figure, ((axis,),) = canvas(PAGE_WIDTH, 0.95 + 0.18 * len(lines))
-        blues = check.import_optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
-        colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD_COLOUR}
-        for (y, x), sign in np.ndenumerate(np.array([" ".join(line[1:]).split() for line in lines])):
-            axis.fill_between([x, x + 1], y, y + 1, color=colours.get(sign, "white"), lw=0)
-            axis.text(x + 0.5, y + 0.55, sign, ha="center", va="center", fontsize=7.5)
+        steps = [(*(f"1/{n}" for n in STEPS_PER_CONTACT), "default") if width > 1 else "–" for width in np.diff(ends)]
+        changes = [POWER_OF_TEN.sub(lambda found: f"$10^{{{int(found[1])}}}$", line[0]) for line in lines]
+        figure, ((axis,),) = canvas(PAGE_WIDTH, 1.5 + 0.18 * len(lines))
+        signs = np.array([" ".join(line[1:]).split() for line in lines])
+        digits = np.array([[int(sign) if sign.isdigit() else np.nan for sign in row] for row in signs])
+        image = axis.pcolormesh(digits, cmap="Blues", vmin=0, vmax=20)
+        for (y, x), sign in np.ndenumerate(signs):
+            ink, paper, _ = SIGN_STYLES.get(sign, ("black" if digits[y, x] < 12 else "white", "none", ""))
+            axis.fill_between([x, x + 1], y, y + 1, color=paper, lw=0)
+            axis.text(x + 0.5, y + 0.55, sign, ha="center", va="center", fontsize=7.5, color=ink)
         axis.vlines(ends, 0, len(lines), color="black", lw=0.8)
-        axis.tick_params(length=0, labeltop=True, labelbottom=False, labelsize=8)
-        axis.set(xlim=(0, ends[-1]), xticks=0.5 * (ends[1:] + ends[:-1]), xticklabels=methods, ylim=(len(lines), 0),
-                 yticks=np.arange(len(lines)) + 0.5, yticklabels=[line[0] for line in lines])
-        figure.suptitle(f"{self.title}: {self._key()}", fontsize=7.5, x=0.01, ha="left")
-        return files.write_figure(path, figure, dpi=150)
+        axis.set(xlim=(0, ends[-1]), xticks=np.arange(ends[-1]) + 0.5, ylim=(len(lines), 0),
+                 yticks=np.arange(len(lines)) + 0.5, yticklabels=changes, ylabel="change of the scene",
+                 xlabel=f"time step (units of the shortest contact as given, {duration(self.duration)})")
+        axis.set_xticklabels([text for own in steps for text in own], rotation=90)
+        names = axis.secondary_xaxis("top")
+        names.set_xticks(0.5 * (ends[1:] + ends[:-1]),
+                         [INTEGRATORS[name].label if name in INTEGRATORS else name for name in methods])
+        for one in (axis, names):
+            one.tick_params(length=0)
+        figure.colorbar(image, ax=axis, label="correct digits of velocities", boundaries=np.arange(-0.5, 17.0),
+                        ticks=range(0, 17, 4), pad=0.01)
+        figure.legend(handles=[Patch(fc=paper, ec="0.5", lw=0.5, label=f"{sign}  {text}")
+                               for sign, (_, paper, text) in SIGN_STYLES.items()], loc="outside lower center", ncols=3)
+        return files.write_figure(path, figure, dpi=200)
 
     def _key(self) -> str:
         """Return the explanation of the columns and marks of the table."""

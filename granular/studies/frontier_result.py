@@ -11,13 +11,27 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import cycle
 from os import PathLike
-from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 from granular._engine import check, files
-from granular._engine.reports import Report, aligned, canvas, duration, number, problem, rough_text, short_text
+from granular._engine.reports import (
+    GREY_COLOUR,
+    HARD_COLOUR,
+    PAGE_WIDTH,
+    SOFT_COLOUR,
+    Report,
+    add_letters,
+    aligned,
+    canvas,
+    duration,
+    number,
+    problem,
+    rough_text,
+    short_text,
+    style,
+)
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.run import until as stop
 from granular.scene import Scene
@@ -31,7 +45,7 @@ ERROR_GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 """Errors for which the fastest methods are listed."""
 CONTACT_FIELDS = ("t_begin", "t_end", "v_in", "v_out")
 SOLVER_MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
-CROSS_STYLE = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
+OPEN_MARKER: dict[str, Any] = {"ls": "none", "mfc": "white", "zorder": 6}
 MIN_DRAWN_ERROR = 2e-17
 """Smallest error in the figure. Smaller errors are drawn here."""
 
@@ -187,18 +201,20 @@ class Frontier(Report):
                        | {"measured": self.order(name)} for name in self.methods},
         }
 
+    @style()
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw errors over run time. Return the figure, or save it to `path`."""
-        figure, ((left, right),) = canvas(7.1, 4.4, 1, 2, sharex=True, sharey=True)
-        _errors(left, self, "velocity_error", "impact speed")
-        left.set_title("velocities after the last contacts", fontsize=8.5)
-        _shade(left, self.floor, "not resolved")
-        _errors(right, self, "time_error", "longest contact")
-        right.set_title("onset and end of contacts", fontsize=8.5)
-        _shade(right, np.fmax(self.clock_digit, self.reference.time_error), "not resolved")
+        """Draw errors over run time. Return the figure, or save it to `path`.
+
+        Open markers show runs with a wrong number of contacts. Errors in the grey region are not resolved.
+        """
+        figure, ((left, right),) = canvas(PAGE_WIDTH, 4.0, 1, 2, sharex=True, sharey=True)
+        _errors(left, self, "velocity_error", "error of velocities (units of the impact speed)")
+        _shade(left, self.floor)
+        _errors(right, self, "time_error", "error of times (units of the longest contact)")
+        _shade(right, np.fmax(self.clock_digit, self.reference.time_error))
         _legend(figure, self)
-        figure.suptitle(_title(self), fontsize=8, x=0.01, ha="left")
-        return files.write_figure(path, figure, dpi=130)
+        add_letters((left, right))
+        return files.write_figure(path, figure, dpi=200)
 
 
 def floor(reference: Reference, rounding_level: float) -> float:
@@ -257,80 +273,57 @@ def _digits(value: Any) -> Any:
         str(value) if hasattr(value, "_mpf_") else value)
 
 
-def _line_style(
-    colour: str, line: str, marker: str, label: str, width: float = 0.9, size: float = 4.2
-) -> dict[str, Any]:
+def _line_style(colour: str, line: str, marker: str, label: str, size: float = 4.5) -> dict[str, Any]:
     """Return the keyword arguments of matplotlib for the line of one method."""
-    inside = colour if line in ("-", "none") else "white"
-    return {"color": colour, "ls": line, "marker": marker, "label": label, "lw": width, "ms": size, "mfc": inside}
+    return {"color": colour, "ls": line, "marker": marker, "label": label, "lw": 0.9, "ms": size, "mew": 0.8}
 
 
 STYLE_FAMILIES = {
-    "": {"located": _line_style("#0b3c6f", "-", "*", "located (default)", 1.8, 11.0) | {"zorder": 5},
-         "edmd": _line_style("#000000", "none", "p", "event-driven (hard spheres)", size=8.0)},
-    "fixed step (dt)": {x.name: _line_style("#c1440e", "--", marker, x.label)
+    "": {"located": _line_style(SOFT_COLOUR, "-", "*", "located (default)", 9.0) | {"zorder": 5},
+         "edmd": _line_style(HARD_COLOUR, "none", "p", "event-driven (hard)", 7.0)},
+    "fixed step (dt)": {x.name: _line_style("#2a8a6a", "--", marker, x.label)
                         for x, marker in zip(INTEGRATORS.values(), cycle("os^D"), strict=False)},
-    "SciPy, restarted at events (rtol)": {f"{name}+events": _line_style("#3f8f5f", "-", marker, f"{label}, events")
-                                          for name, (marker, label) in SOLVER_MARKERS.items()},
-    "SciPy, no events (rtol)": {name: _line_style("#8a8a8a", ":", *look) for name, look in SOLVER_MARKERS.items()},
+    "SciPy, events (rtol)": {f"{name}+events": _line_style("#8e5ea2", "-.", marker, f"{label}, events")
+                             for name, (marker, label) in SOLVER_MARKERS.items()},
+    "SciPy, no events (rtol)": {name: _line_style(GREY_COLOUR, ":", *look) for name, look in SOLVER_MARKERS.items()},
 }
 """Line style of each method. Methods of a family have the same colour and line."""
 METHOD_STYLES = {name: look for members in STYLE_FAMILIES.values() for name, look in members.items()}
 
 
-def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
-    """Draw one line of errors per method, with a cross at wrong contact counts."""
+def _errors(axis: Any, report: Frontier, quantity: str, label: str) -> None:
+    """Draw one line of errors per method, with open markers at wrong contact counts."""
     for method in report.methods:
-        points = [
-            (1e3 * row.seconds, max(getattr(row, quantity), MIN_DRAWN_ERROR), row.wrong_count)
-            for row in report.of(method)
-            if math.isfinite(getattr(row, quantity))
-        ]
-        times, errors, _ = zip(*points, strict=True) if points else ((), (), ())
-        axis.plot(times, errors, **METHOD_STYLES[method] | {"mew": 0.8})
-        for time, error, wrong in points:
-            if wrong:
-                axis.plot(time, error, ms=9, **CROSS_STYLE)
-    axis.set(xscale="log", yscale="log", axisbelow=True)
-    axis.set_xlabel("run time, ms", fontsize=8)
-    axis.set_ylabel(f"error / {unit}", fontsize=8)
+        rows = [row for row in report.of(method) if math.isfinite(getattr(row, quantity))]
+        for shown, more in ((rows, {}), ([row for row in rows if row.wrong_count], OPEN_MARKER)):
+            axis.plot([1e3 * row.seconds for row in shown],
+                      [max(getattr(row, quantity), MIN_DRAWN_ERROR) for row in shown], **METHOD_STYLES[method] | more)
+    axis.set(xscale="log", yscale="log", axisbelow=True, xlabel="run time (ms)", ylabel=label)
     axis.grid(which="major", color="0.9", lw=0.5)
-    axis.tick_params(labelsize=7.5, which="both", labelleft=True)
+    axis.tick_params(labelleft=True)
 
 
-def _shade(axis: Any, top: float, name: str) -> None:
-    """Shade errors below `top`, which are not resolved, and label them with `name`."""
-    axis.axhspan(MIN_DRAWN_ERROR / 2.0, top, color="0.93", lw=0, zorder=0)
-    axis.text(0.98, top, name, transform=axis.get_yaxis_transform(), ha="right", va="top", fontsize=7, color="0.35")
+def _shade(axis: Any, top: float) -> None:
+    """Shade errors below `top`, which are not resolved."""
+    axis.axhspan(MIN_DRAWN_ERROR / 2.0, top, color="0.92", lw=0, zorder=0)
     axis.set_ylim(bottom=MIN_DRAWN_ERROR / 2.0)
 
 
 def _legend(figure: Any, report: Frontier) -> None:
-    """Draw a legend of the methods by family, and of the cross at wrong counts."""
+    """Draw a legend of the methods by family, and of open markers and the grey region."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    def entry(style: dict[str, Any]) -> Any:
-        return Line2D([], [], **style | {"lw": 1.2, "ms": 9.0 if style["marker"] in "*x" else 4.5})
-
-    columns = {head: [entry(style) for name, style in members.items() if name in report.methods]
-               for head, members in STYLE_FAMILIES.items()}
+    columns: dict[str, list[Any]] = {
+        head: [Line2D([], [], **look) for name, look in members.items() if name in report.methods]
+        for head, members in STYLE_FAMILIES.items()}
     if any(row.wrong_count for row in report.rows):
-        columns[""].append(entry(CROSS_STYLE | {"label": "wrong number of contacts"}))
+        columns[""].append(Line2D([], [], marker="o", color="black", label="open: wrong number of contacts", ms=4.5,
+                                  **OPEN_MARKER))
+    columns[""].append(Patch(color="0.92", label="not resolved"))
     columns = {head: entries for head, entries in columns.items() if entries}
     depth, handles = max(map(len, columns.values())), []
     for head, entries in columns.items():
         handles += [Line2D([], [], ls="none", label=head), *entries,
                     *[Line2D([], [], ls="none", label="")] * (depth - len(entries))]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(columns), fontsize=7, frameon=False,
-                  handlelength=2.4, columnspacing=1.0)
-
-
-def _title(report: Frontier) -> str:
-    """Return the figure title: scene, laws, reference and machine."""
-    machine, truth = report.machine, report.reference
-    return (
-        f"{fill(f'{report.scene}; {laws(report)}', 110)}\n"
-        f"{len(truth.contacts)} contacts; reference: {truth.solver}, error {max(truth.velocity_error, 1e-99):.0e}\n"
-        f"{machine.get('processor')}, one core; Python {machine.get('python')}, NumPy {machine.get('numpy')}, "
-        f"SciPy {machine.get('scipy')}, numba {machine.get('numba')}"
-    )
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(columns), handlelength=2.8)

@@ -12,7 +12,17 @@ from textwrap import fill
 from typing import Any
 
 from granular._engine import check, files
-from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, rounded_bound
+from granular._engine.reports import (
+    GREY_COLOUR,
+    HARD_COLOUR,
+    SOFT_COLOUR,
+    Report,
+    aligned,
+    axis_label,
+    canvas,
+    rounded_bound,
+    style,
+)
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.comparison.outcome import ERROR_LIMIT
@@ -30,6 +40,7 @@ VERDICT_MARKERS: dict[str, dict[str, Any]] = {
     HOLDS: {"color": SOFT_COLOUR, "marker": "o", "mfc": SOFT_COLOUR}, FAILS: {"color": HARD_COLOUR, "marker": "x"},
     UNDECIDED: {"color": GREY_COLOUR, "marker": "s", "mfc": "none"},
 }
+"""Style of each verdict. Orange crosses show where hard spheres fail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +205,7 @@ class Threshold(Report):
 
     _headline = sentence
 
+    @style()
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw error, or time of the first disturbed contact, over the values.
 
@@ -204,18 +216,19 @@ class Threshold(Report):
             axis.axvspan(low, high, color=SOFT_COLOUR, alpha=0.12, lw=0)
         for crossing in self.crossings:
             axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
-        for verdict, style in VERDICT_MARKERS.items():
+        for verdict, look in VERDICT_MARKERS.items():
             shown = [point for point in self.values if point.verdict == verdict]
             finite = [point for point in shown if math.isfinite(point.measure)]
             axis.plot([point.value for point in finite], [point.measure for point in finite], ls="none", ms=4, mew=0.9,
-                      **style)
+                      clip_on=False, **look)
             others = [point.value for point in shown if not math.isfinite(point.measure)]
-            axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **style)
+            axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(),
+                      clip_on=False, **look)
             if shown:
-                axis.plot([], [], ls="none", ms=4, label=_name(self, verdict), **style)
+                axis.plot([], [], ls="none", ms=4, label=_name(self, verdict), **look)
         _axes(axis, self)
         figure.suptitle(fill(self.sentence, 80), fontsize=8.5, x=0.02, ha="left")
-        return files.write_figure(path, figure, dpi=150)
+        return files.write_figure(path, figure, dpi=200)
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -340,10 +353,10 @@ def _axes(axis: Any, report: Threshold) -> None:
     """Set scales, labels, limits and legend of the figure."""
     if report.criterion == "error":
         axis.axhline(report.limit, color="black", lw=0.6, ls="--")
-        axis.set(yscale="log", ylabel="error, of the fastest impact")
+        axis.set(yscale="log", ylabel="error (units of the fastest impact)")
     else:
-        axis.set_ylabel("first disturbed at t, s")
+        axis.set_ylabel("time of the first disturbed contact (s)")
     axis.set(xscale=report.spacing, xlim=report.between,
-             xlabel=report.over + (f", {report.units}" if report.units != "1" else ""))
+             xlabel=axis_label(report.over, report.units))
     axis.margins(y=0.15)
-    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

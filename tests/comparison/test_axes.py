@@ -36,7 +36,7 @@ def test_force_map_loses_no_contact_of_very_many():
 
 
 def test_time_axis_begins_with_the_run_at_the_earliest(gas):
-    assert {axis.get_xlabel() for axis in gas.plot().axes} == {"", "time, s"}
+    assert {axis.get_xlabel() for axis in gas.plot().axes} == {"", "time (s)"}
 
 
 def test_force_curve_meets_contacts_shorter_than_its_samples():
@@ -55,7 +55,7 @@ def test_time_axis_ends_with_the_last_contact_that_counts():
 def test_hard_balls_fly_on_to_the_end_of_the_axis():
     cradle = gr.compare(gr.scenes.newtons_cradle(5), gr.Hertz(1e9), until=gr.until.separated())
     assert cradle.hard.time[-1] == 0.0
-    paths = next(axis for axis in cradle.plot().axes if axis.get_ylabel().startswith("paths"))
+    paths = next(axis for axis in cradle.plot().axes if axis.get_ylabel().startswith("position"))
     hard = [line for line in paths.lines if line.get_linestyle() == "--" and len(line.get_xdata()) > 2]
     assert len(hard) == 5
     for line, velocity in zip(hard, cradle.hard.velocity[-1], strict=True):

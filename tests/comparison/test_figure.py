@@ -36,7 +36,7 @@ def texts(axis):
 
 
 def test_the_lens_shows_the_four_hops_on_their_own_scale(two, drawn):
-    look, lens = closeup(window(two)), panel(drawn, "distance")
+    look, lens = closeup(window(two)), panel(drawn, "gap")
     assert look.pair == 1
     hops = look.hops(repeat_both_runs(two, look.moments)["soft"])
     assert [1e6 * height for _, height in hops] == pytest.approx([34.4, 16.0, 8.63], rel=5e-3)  # by the page too
@@ -48,7 +48,7 @@ def test_the_lens_shows_the_four_hops_on_their_own_scale(two, drawn):
     t, y = soft.get_data()
     after = t > 1e6 * (two.soft.of(1)["t_begin"][0] - two.soft.of(0)["t_begin"][0])
     assert low < y[after].min() < 0.0 < y[after].max() < high
-    assert lens.get_xlim() == panel(drawn, "paths").get_xlim()
+    assert lens.get_xlim() == panel(drawn, "position").get_xlim()
 
 
 @pytest.mark.thirds
@@ -59,8 +59,8 @@ def test_every_hop_is_on_the_axis_and_of_the_right_height(seed):
     stack = gr.scenes.ball_stack(n, ratio, gap=gap)
     report = compared(stack, random.uniform(0.6, 1.0), until=gr.until.contact(0, 2))
     look = closeup(window(report))
-    lens = panel(report.plot(), "distance")
-    unit = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9}[lens.get_ylabel().split(", ")[1]]
+    lens = panel(report.plot(), "gap")
+    unit = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9}[lens.get_ylabel()[-3:-1]]
     low, high = lens.get_ylim()
     for time, height in look.hops(repeat_both_runs(report, look.moments)["soft"]):
         again = gr.md.simulate(stack, report.law, t_end=time)
@@ -77,8 +77,8 @@ def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
     assert look.view.end - look.view.begin < 0.2 * (view.end - view.begin)
     assert look.view.begin < report.overlaps[0].begin < look.view.end
     figure = report.plot()
-    assert panel(figure, "distance").get_xlim() != panel(figure, "paths").get_xlim()
-    marks = [line for line in panel(figure, "paths").lines if line.get_marker() == "x"]
+    assert panel(figure, "gap").get_xlim() != panel(figure, "position").get_xlim()
+    marks = [line for line in panel(figure, "position").lines if line.get_marker() == "x"]
     assert [line.get_label() for line in marks] == ["end of the hard run: collapse"]
 
 
@@ -87,14 +87,14 @@ def test_the_end_of_a_hard_path_that_goes_on_to_a_collapse_is_marked():
     report = gr.compare(scene, gr.LinearDashpot(5e7, 1e6), gr.ConstantRestitution(0.1), until=gr.until.contact(0, 2),
                         t_end=2.0)
     assert report.hard.status is gr.Status.until
-    marks = [line.get_label() for line in panel(report.plot(), "paths").lines if line.get_marker() == "x"]
+    marks = [line.get_label() for line in panel(report.plot(), "position").lines if line.get_marker() == "x"]
     assert marks == ["end of the hard run: collapse"]
 
 
 def test_no_lens_where_every_contact_is_binary():
     far = compared(gr.scenes.three_balls(gap=1e-2), until=gr.until.contact(0, 2))
     assert closeup(window(far)) is None
-    assert not [axis for axis in far.plot().axes if axis.get_ylabel().startswith("distance")]
+    assert not [axis for axis in far.plot().axes if axis.get_ylabel().startswith("gap")]
 
 
 def test_the_picture_says_with_what_it_was_made(two, drawn):
@@ -104,8 +104,8 @@ def test_the_picture_says_with_what_it_was_made(two, drawn):
                  "g = 9.81 m/s²", "LinearDashpot, k = 5·10⁷ N/m, ε = 0.7", "lasts 801 µs and 25.3 µs"):
         assert word in said
     assert [label.get_text() for label in drawn.axes[0].get_yticklabels()] == ["pair 0: floor–1", "pair 1: 1–2"]
-    assert texts(panel(drawn, "paths")) == ["1, 2"]
-    assert {axis.get_ylabel() for axis in drawn.axes} >= {"force of\n1–2, N", "force of\nfloor–1, kN"}
+    assert texts(panel(drawn, "position")) == ["1, 2"]
+    assert {axis.get_ylabel() for axis in drawn.axes} >= {"force of\n1–2 (N)", "force of\nfloor–1 (kN)"}
 
 
 def test_words_stay_within_the_picture(drawn):

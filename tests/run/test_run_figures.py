@@ -39,13 +39,13 @@ def test_paths_of_soft_spheres_with_rows_are_those_of_all_rows():
 def test_a_figure_has_a_panel_for_contacts_that_take_a_small_part_of_the_run():
     scene = gr.Scene([1.0] * 3, [0.1] * 3, [1e-3, 2e-3], [1.0, 0.0, -1.0])
     whole, near = gr.edmd.simulate(scene, RULE, t_end=10.0).plot().axes
-    assert (whole.get_xlabel(), near.get_xlabel()) == ("time, s", "time since the first contact at t = 0.001 s, µs")
+    assert (whole.get_xlabel(), near.get_xlabel()) == ("time (s)", "time since the first contact at t = 0.001 s (µs)")
     scene = gr.scenes.three_balls()
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     fallen = gr.md.simulate(scene, law, until=gr.until.contact(0, 2))  # its rows do not tell what contacts look like
-    assert [axis.get_xlabel() for axis in fallen.plot().axes] == ["time, ms"]
+    assert [axis.get_xlabel() for axis in fallen.plot().axes] == ["time (ms)"]
     late = gr.md.simulate(scene, law, t_end=0.3202, samples=np.linspace(0.3192, 0.3202, 200))
-    said = "time since the first contact at t = 0.319275 s, µs"
+    said = "time since the first contact at t = 0.319275 s (µs)"
     assert [axis.get_xlabel() for axis in late.plot().axes] == [said]
     assert len(gr.edmd.simulate(gas(3), RULE, t_end=0.5).plot().axes) == 1
 

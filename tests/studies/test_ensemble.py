@@ -167,7 +167,7 @@ def test_words_json_figure_and_command(three_balls, tmp_path, capsys):
     kept = json.loads((tmp_path / "e.json").read_text())
     assert (kept["answer"], len(kept["quantities"][1]["soft"])) == ("no", 8)
     pytest.importorskip("matplotlib")
-    assert [axis.get_xlabel() for axis in three_balls.plot().axes] == ["v_rel[0], m s-1", "v_rel[1], m s-1"]
+    assert [axis.get_xlabel() for axis in three_balls.plot().axes] == ["v_rel[0] (m/s)", "v_rel[1] (m/s)"]
     assert main(["ensemble", "three-balls", "--vary", "gap=1e-4,1e-5", "--draws", "8", "--seed", "3", "--result",
                  "v_rel"]) == 0
     assert capsys.readouterr().out == f"{three_balls}\n"

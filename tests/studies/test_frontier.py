@@ -160,7 +160,7 @@ def test_plot_writes_a_figure(report, tmp_path):
     assert (tmp_path / "out.png").stat().st_size < 150_000
     assert ElementTree.parse(tmp_path / "out.svg").getroot().tag == "{http://www.w3.org/2000/svg}svg"
     figure = report.plot()
-    assert [axis.get_xlabel() for axis in figure.axes] == ["run time, ms"] * 2
+    assert [axis.get_xlabel() for axis in figure.axes] == ["run time (ms)"] * 2
 
 
 @pytest.mark.parametrize(("options", "sentence"), [

@@ -11,11 +11,11 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.check import Array
-from granular._engine.reports import COLUMN_WIDTH, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, canvas, style, unit_of
 from granular.run.trajectory import Trajectory
 
-PICTURE_LABELS = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
-"""Labels of the vertical axis and of the colour bar, for each quantity to draw."""
+PICTURE_LABELS = {"force": ("contact", "force", "N"), "velocity": ("ball", "velocity", "m/s")}
+"""Labels of the vertical axis and of the colour bar, and its unit, for each quantity to draw."""
 ROUNDING_FORCE_RATIO = 1e-13
 """Largest rounding error of a force, relative to the largest force of the run."""
 
@@ -151,18 +151,19 @@ def picture(
     matplotlib figure or None
         None if `axis` is given or if the figure was written to `path`.
     """
-    across, bar = PICTURE_LABELS[check.choice("show", show, list(PICTURE_LABELS))]
+    across, bar, unit = PICTURE_LABELS[check.choice("show", show, list(PICTURE_LABELS))]
     values = _checked_samples(run, show, "For hard spheres use show='velocity'.")
     if beyond:
-        values, bar = values - values[0], f"{bar}, minus the first sample"
+        values, bar = values - values[0], f"{bar} above the first sample"
     with style():
         figure, ((panel,),) = canvas(1.3 * COLUMN_WIDTH, COLUMN_WIDTH) if axis is None else (None, ((axis,),))
         signed = bool((values < -1e-3 * np.abs(values).max()).any())
-        largest = float(np.abs(values).max()) or 1.0
-        image = panel.pcolormesh(run.time, np.arange(values.shape[1]), values.T, shading="nearest", rasterized=True,
-                               cmap="RdBu_r" if signed else "magma_r", vmin=-largest * signed, vmax=largest)
-        panel.set(xlabel="time, s", ylabel=across)
-        panel.figure.colorbar(image, ax=panel, label=bar)
+        largest, (scale, clock) = float(np.abs(values).max()) or 1.0, unit_of(float(np.ptp(run.time)), "s")
+        image = panel.pcolormesh(run.time / scale, np.arange(values.shape[1]), values.T, shading="nearest",
+                                 rasterized=True, cmap="RdBu_r" if signed else "magma_r", vmin=-largest * signed,
+                                 vmax=largest)
+        panel.set(xlabel=f"time ({clock})", ylabel=across)
+        panel.figure.colorbar(image, ax=panel, label=f"{bar} ({unit})")
         return None if figure is None else files.write_figure(path, figure, dpi=200)
 
 

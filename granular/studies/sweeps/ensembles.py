@@ -17,7 +17,19 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.check import Array
-from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, number, rough_text, with_unit
+from granular._engine.reports import (
+    HARD_COLOUR,
+    SOFT_COLOUR,
+    Report,
+    add_letters,
+    aligned,
+    axis_label,
+    canvas,
+    number,
+    rough_text,
+    style,
+    with_unit,
+)
 from granular.cases import Case
 from granular.comparison.answer import ANSWER_ORDER, Answer as Judgement
 from granular.run.trajectory import EARLY_STATUSES, Trajectory
@@ -170,16 +182,19 @@ class Ensemble(Report):
         return {**vars(self), "quantities": [{**vars(q), "answer": q.answer.name} for q in self.quantities],
                 "answer": self.answer.name, "verdict": self.verdict}
 
+    @style()
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw the cumulative distributions. Return the figure, or save it to `path`."""
         figure, axes = canvas(3.4, 1.0 + 1.6 * len(self.quantities), len(self.quantities))
         for axis, q in zip(axes[:, 0], self.quantities, strict=True):
-            for values, colour, name in ((q.hard, HARD_COLOUR, "hard"), (q.soft, SOFT_COLOUR, "soft")):
+            for values, colour, line, name in ((q.hard, HARD_COLOUR, "--", "hard"), (q.soft, SOFT_COLOUR, "-", "soft")):
                 finite = np.sort(values[np.isfinite(values)])
-                axis.step(finite, np.arange(1, len(finite) + 1) / max(1, len(finite)), color=colour, label=name)
-            axis.set(xlabel=f"{q.name}, {q.units}", ylabel="fraction of draws below", ylim=(0.0, 1.0))
-        axes[0, 0].legend()
-        return files.write_figure(path, figure, dpi=150)
+                axis.step(finite, np.arange(1, len(finite) + 1) / max(1, len(finite)), color=colour, ls=line,
+                          label=f"{name} spheres")
+            axis.set(xlabel=axis_label(q.name, q.units), ylabel="fraction of draws below", ylim=(0.0, 1.03))
+        add_letters(axes[:, 0] if len(axes) > 1 else ())
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+        return files.write_figure(path, figure, dpi=200)
 
 
 @check.face
