@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import docs_data
-import matplotlib
 import numpy as np
 
 import granular as gr
 from granular._engine.kernels import have_numba
-from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, add_letters, canvas, style
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
 HOT_TEMPERATURE, COLD_TEMPERATURE = 2.0, 1.0
@@ -26,7 +25,9 @@ KNUDSEN_HEAT_FLOW = (HOT_TEMPERATURE - COLD_TEMPERATURE) / (
 """Heat flow in W carried by hard balls of 1 kg, one ball per metre."""
 TOTAL_LOSSES, CONTACT_STIFFNESSES = (0.2, 2.0, 10.0), (1e4, 1e3, 1e2)
 RUN_LIMITS = {"max_events": 10**9, "log": False}
-COLOUR_SHADES = [0.5, 0.25, 0.0]
+STIFFNESS_POWERS = {1e4: "⁴", 1e3: "³", 1e2: "²"}
+BLUES = ("#9dbfe0", "#4f81b0", SOFT_COLOUR)
+"""Shades of soft spheres, from stiff to soft."""
 
 
 def cooling_curves(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
@@ -120,45 +121,42 @@ def draw(data: dict[str, Any]) -> Any:
     """Draw the four panels."""
     figure, axes = canvas(2.0 * COLUMN_WIDTH, 1.7 * COLUMN_WIDTH, 2, 2)
     (cooling, heat), (swinging, floor) = axes
-    blues, oranges = (matplotlib.colormaps[name](COLOUR_SHADES) for name in ("Blues_r", "Oranges_r"))
-    draw_cooling(cooling, data["haff"], oranges)
-    marks = zip(CONTACT_STIFFNESSES, "s^D", data["heat"].values(), blues, strict=True)
+    draw_cooling(cooling, data["haff"])
+    marks = zip(CONTACT_STIFFNESSES, "s^D", data["heat"].values(), BLUES, strict=True)
     for k, mark, rows, colour in marks:
         n, mean, error = np.transpose(rows)
         heat.errorbar(n, mean, error, fmt=mark + "-", lw=0.5, ms=3, mfc="none", capsize=1.5, color=colour,
-                      label=f"soft spheres, k = {k:g} N/m")
-    heat.axhline(1.0, color=HARD_COLOUR, lw=0.8, label="hard spheres")
-    heat.set(xscale="log", xlabel="balls between the walls", ylabel="heat flow, soft over hard", ylim=(0.0, 1.1))
+                      label=f"soft, k = 10{STIFFNESS_POWERS[k]} N/m")
+    heat.axhline(1.0, color=HARD_COLOUR, ls="--", label="hard")
+    heat.set(xscale="log", xlabel="number of balls between the walls", ylabel="heat flow, soft/hard", ylim=(0.0, 1.1))
     heat.legend(loc="lower left")
-    for name, colour in (("hard", HARD_COLOUR), ("soft", SOFT_COLOUR)):
+    for name, colour, line, mark in (("hard", HARD_COLOUR, "--", "o"), ("soft", SOFT_COLOUR, "-", ".")):
         left_over = data["cradle"][name]
-        swinging.plot(
-            0.5 * np.arange(len(left_over)), left_over, ".-", lw=0.5, ms=3, color=colour, label=f"{name} spheres"
-        )
+        swinging.plot(0.5 * np.arange(len(left_over)), left_over, mark, ls=line, lw=0.5, ms=3.5, color=colour,
+                      mfc="none", label=name)
         density = data["floor"][name]
-        floor.stairs(density, np.linspace(0.0, 3.0, len(density) + 1), color=colour, label=f"{name} spheres")
+        floor.stairs(density, np.linspace(0.0, 3.0, len(density) + 1), color=colour, ls=line, label=name)
     swinging.axhline(0.2, color=GREY_COLOUR, lw=0.8, ls=":")
-    swinging.set(xlabel="periods", ylabel="energy left", ylim=(0.0, 1.05))
+    swinging.set(xlabel="time (periods)", ylabel="energy left, $E/E_0$", ylim=(0.0, 1.05))
     swinging.legend()
     height = np.linspace(0.0, 3.0, 100)
-    floor.plot(height, 2.0 * np.exp(-2.0 * height), color=GREY_COLOUR, lw=0.8, ls=":", label="exp(-mgx/T)")
-    floor.set(yscale="log", xlabel="height, m", ylabel="probability density, 1/m", xlim=(0.0, 3.0))
+    floor.plot(height, 2.0 * np.exp(-2.0 * height), color=GREY_COLOUR, lw=0.8, ls=":", label=r"$\propto\exp(-mgx/T)$")
+    floor.set(yscale="log", xlabel="height, $x$ (m)", ylabel="probability density (1/m)", xlim=(0.0, 3.0))
     floor.legend()
-    for axis, name in zip(axes.ravel(), "abcd", strict=True):
-        axis.text(0.9, 0.97, f"({name})", transform=axis.transAxes, va="top")
+    add_letters(axes.ravel())
     return figure
 
 
-def draw_cooling(axis: Any, data: dict[str, Any], colours: Any) -> None:
+def draw_cooling(axis: Any, data: dict[str, Any]) -> None:
     """Draw the energy of the ring gases over time."""
     t = np.array(data["time"])
-    for loss, left_over, colour in zip(TOTAL_LOSSES, data["hard"], colours, strict=True):
-        axis.plot(t, left_over, color=colour, label=f"hard, N(1 - ε) = {loss:g}")
-    axis.plot(t[::5], data["soft"][0][::5], "s", ms=3, mfc="none", color=SOFT_COLOUR,
-              label=f"soft, N(1 - ε) = {TOTAL_LOSSES[0]:g}")
-    axis.plot(t, (1.0 + t) ** -2.0, color=GREY_COLOUR, lw=0.8, ls=":", label="(1 + t/τ)$^{-2}$")
-    axis.set(yscale="log", xlabel="t/τ", ylabel="energy left")
-    axis.legend(loc="upper center")
+    for loss, left_over, line in zip(TOTAL_LOSSES, data["hard"], ("-", "--", "-."), strict=True):
+        axis.plot(t, left_over, color=HARD_COLOUR, ls=line, label=f"hard, N (1 − ε) = {loss:g}")
+    axis.plot(t[::5], data["soft"][0][::5], "s", ms=3.5, mfc="none", color=SOFT_COLOUR,
+              label=f"soft, N (1 − ε) = {TOTAL_LOSSES[0]:g}")
+    axis.plot(t, (1.0 + t) ** -2.0, color=GREY_COLOUR, lw=0.8, ls=":", label=r"$(1+t/\tau)^{-2}$")
+    axis.set(yscale="log", xlabel=r"time, $t/\tau$", ylabel="energy left, $E/E_0$")
+    axis.legend(loc="upper right")
 
 
 if __name__ == "__main__":

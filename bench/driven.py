@@ -13,7 +13,7 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, add_letters, canvas, style
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "driven.png"
 EPS, G, FREQUENCY, FREQUENCY_RATIO = 0.5, 9.81, 50.0, 100.0
@@ -88,21 +88,25 @@ def compute(points: int) -> dict[str, Any]:
 
 def draw(data: dict[str, Any]) -> Any:
     """Draw the three panels."""
-    figure, axes = canvas(2.0 * COLUMN_WIDTH, 0.9 * COLUMN_WIDTH, 1, 3)
-    left, middle, right = axes[0]
-    for model, colour in (("hard", HARD_COLOUR), ("soft", SOFT_COLOUR)):
+    figure, (axes,) = canvas(2.0 * COLUMN_WIDTH, 0.85 * COLUMN_WIDTH, 1, 3)
+    left, middle, right = axes
+    looks: dict[str, dict[str, Any]] = {"hard": {"color": HARD_COLOUR, "marker": "o", "mfc": "none"},
+                                        "soft": {"color": SOFT_COLOUR, "marker": "."}}
+    for model, look in looks.items():
         rows = data["doubling"]
         gamma = np.repeat(rows["gamma"], PLOTTED_BOUNCES)
-        left.plot(gamma, np.ravel(rows[model]), ls="", marker=".", ms=2, color=colour, label=f"{model} spheres")
-        middle.plot(*data["chaos"][model], ls="", marker=",", color=colour)
+        left.plot(gamma, np.ravel(rows[model]), ls="", ms=3, mew=0.6, label=f"{model} spheres", **look)
+        middle.plot(*data["chaos"][model], ls="", marker=".", ms=2.2, mew=0, color=look["color"], alpha=0.7)
     left.axvline(DOUBLING_THRESHOLD, color=GREY_COLOUR, lw=0.8, ls=":")
-    left.set(xlabel="Γ", ylabel="phase at impact, turns")
-    left.legend()
-    middle.set(xlabel="phase at impact, turns", ylabel="speed after, Aω", xlim=(0, 1))
+    left.set(xlabel="acceleration amplitude over g, Γ", ylabel="phase at impact (turns)")
+    middle.set(xlabel="phase at impact (turns)", ylabel="speed after impact (Aω)", xlim=(0, 1))
     loss, above = map(np.array, data["column"].values())
-    right.plot(loss, above, "o-", ms=3, color=HARD_COLOUR)
-    right.plot(loss, 1.25 / loss, color=GREY_COLOUR, lw=0.8, ls=":")
-    right.set(xscale="log", yscale="log", xlabel="N (1 - ε)", ylabel="height of the centre of mass, (Aω)²/g")
+    right.plot(loss, above, "-", **looks["hard"])
+    right.plot(loss, 1.25 / loss, color=GREY_COLOUR, ls=":", label="1.25/(N (1 − ε))")
+    right.set(xscale="log", yscale="log", xlabel="total loss, N (1 − ε)",
+              ylabel="height of the centre of mass (A²ω²/g)")
+    add_letters(axes)
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 

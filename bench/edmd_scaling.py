@@ -1,25 +1,29 @@
 """Processor time per collision over the number of balls, and cost of features.
 
 `python bench/edmd_scaling.py` writes docs/figures/edmd-scaling.png and prints the tables for both queues, blocks and
-bare loops. Each number is the minimum of several interleaved runs, so that other load on the machine affects all of
-them equally.
+minimal loops. Each number is the minimum of several interleaved runs, so that other load on the machine affects all of
+them equally. With ``plot`` it measures only the numbers of the figure, with ``redraw`` it measures nothing.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from edmd_peers import bare_sorted, bare_tree
 
 import granular as gr
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, canvas, style
 from granular.edmd import compiled_queue as blocks
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.png"
+DATA_PATH = FIGURE_PATH.parent / "data" / "edmd-scaling.json"
 ELASTIC_RULE = gr.ConstantRestitution(1.0)
 Timer = Callable[[float], tuple[int, float]]
 """Runs until a given time and returns the collisions and processor seconds."""
@@ -118,23 +122,26 @@ def measure_scaling() -> dict[str, dict[int, float]]:
     return table
 
 
-def draw(table: dict[str, dict[int, float]]) -> None:
+LINE_STYLES: dict[str, dict[str, Any]] = {
+    "SortedList": {"marker": "s", "label": "sorted engine"},
+    "bare SortedList loop": {"ls": "--", "color": GREY_COLOUR, "label": "minimal loop, sorted list"},
+    "compiled": {"marker": "o", "label": "compiled engine"},
+    "compiled, in blocks": {"marker": "^", "label": "compiled engine, in blocks"},
+    "bare winner tree": {"ls": ":", "color": GREY_COLOUR, "label": "minimal loop, tournament tree"},
+}
+"""Line style of each queue and minimal loop. Orange stands for hard spheres."""
+
+
+def draw(table: dict[str, dict[int, float]]) -> Any:
     """Plot the cost over the number of balls."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(7.0, 4.4), layout="constrained")
-    for name, line in table.items():
-        style = {"ls": "--", "color": "0.55"} if name.startswith("bare") else {"marker": "o"}
-        axes.loglog(list(line), list(line.values()), label=name, **style)
-        below = name.startswith("bare") or name.endswith("blocks")
-        axes.annotate(name, next(iter(line.items())), (0, -15 if below else 8), textcoords="offset points")
-    axes.set(xlabel="balls", ylabel="ns per collision", xlim=(70, 2e6), ylim=(40, 5e4))
-    axes.grid(True, which="major", color="0.9")
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(FIGURE_PATH, dpi=150)
+    figure, ((axis,),) = canvas(1.5 * COLUMN_WIDTH, 1.05 * COLUMN_WIDTH)
+    for name, look in LINE_STYLES.items():
+        costs = table[name]
+        axis.plot(list(map(int, costs)), list(costs.values()), **{"color": HARD_COLOUR, "mfc": "white"} | look)
+    axis.set(xscale="log", yscale="log", xlabel="number of balls", ylabel="processor time per collision (ns)",
+             ylim=(50, 5e4))
+    axis.legend(loc="center left", bbox_to_anchor=(0.0, 0.4))
+    return figure
 
 
 def print_feature_costs() -> None:
@@ -172,6 +179,9 @@ def print_feature_costs() -> None:
 
 
 if __name__ == "__main__":
-    if "plot" not in sys.argv:
+    if not {"plot", "redraw"} & set(sys.argv):
         print_feature_costs()
-    draw(measure_scaling())
+    if "redraw" not in sys.argv:
+        DATA_PATH.write_text(json.dumps(measure_scaling()) + "\n", encoding="utf-8")
+    with style():
+        draw(json.loads(DATA_PATH.read_text(encoding="utf-8"))).savefig(FIGURE_PATH, dpi=200)

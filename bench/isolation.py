@@ -13,15 +13,15 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, add_letters, canvas, style
 from granular.comparison.outcome import separations
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "isolation.png"
 RESTITUTION, GAP_RANGE = 0.9, (1e-6, 1e-2)
 LINE_STYLES: dict[str, dict[str, Any]] = {
     "hard": {"color": HARD_COLOUR, "lw": 2.4, "label": "hard spheres"},
-    "ignore": {"color": "black", "lw": 1.0, "ls": "--", "label": "soft, event-driven"},
-    "resolve": {"color": SOFT_COLOUR, "lw": 1.2, "marker": "o", "ms": 2.0, "label": "soft, exact"},
+    "ignore": {"color": "black", "lw": 1.0, "ls": "--", "label": "soft, contacts isolated"},
+    "resolve": {"color": SOFT_COLOUR, "lw": 1.2, "marker": "o", "ms": 2.5, "label": "soft, exact"},
 }
 """Line style of each model."""
 
@@ -53,9 +53,10 @@ def draw(data: dict[str, Any]) -> Any:
     for axis in (speeds, errors):
         axis.axvline(data["threshold"], color=GREY_COLOUR, lw=0.8, ls=":")
     speeds.annotate("every contact\nisolated", (data["threshold"], 1.2), (4, 0), textcoords="offset points", fontsize=7)
-    speeds.set(ylabel="separation speed, m/s", xscale="log", xlim=GAP_RANGE)
+    speeds.set(ylabel="separation speed (m/s)", xscale="log", xlim=GAP_RANGE)
     speeds.legend(loc="center left")
-    errors.set(ylabel="|difference to exact|, m/s", yscale="log", xlabel="gap between the balls Δh, m")
+    errors.set(ylabel="|difference to exact| (m/s)", yscale="log", xlabel="gap between the balls, Δh (m)")
+    add_letters((speeds, errors))
     return figure
 
 

@@ -13,10 +13,12 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, SOFT_COLOUR, add_letters, canvas, style
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
 CHAIN_LAW, COMPRESSION_FORCE, MASS_RATIO = gr.Hertz(9.75758e9), 20.0, 0.5
+THEORY_COLOUR = "#c8963e"
+"""Colour of closed forms. Orange stands for hard spheres, which have no such waves."""
 SAMPLES_PER_PERIOD = 8
 """Samples per period of the highest frequency."""
 
@@ -118,30 +120,32 @@ def draw(data: dict[str, Any]) -> Any:
     phase = np.linspace(0.0, math.pi, 200)
     seen = data["noise"]
     density = np.log10(np.maximum(seen["density"], 1e-6))
-    bands.pcolormesh(seen["phase"], 1e-3 * np.array(seen["frequency"]), density, cmap="Greys", shading="nearest",
-                     vmin=-3.0, vmax=0.0, rasterized=True)
-    bands.plot(phase, 1e-3 * gr.waves.dispersion(phase, k, mass) / (2.0 * math.pi), color=HARD_COLOUR, lw=0.8)
-    bands.set(xlabel="phase from cell to cell, rad", ylabel="frequency, kHz", xlim=(0.0, math.pi))
+    image = bands.pcolormesh(seen["phase"], 1e-3 * np.array(seen["frequency"]), density, cmap="Greys",
+                             shading="nearest", vmin=-3.0, vmax=0.0, rasterized=True)
+    figure.colorbar(image, ax=bands, label=r"$\log_{10}$(spectral density/maximum)", extend="min")
+    for branch in 1e-3 * np.atleast_2d(np.transpose(gr.waves.dispersion(phase, k, mass))) / (2.0 * math.pi):
+        bands.plot(phase, branch, color=THEORY_COLOUR, ls="--")
+    bands.set(xlabel="phase from cell to cell (rad)", ylabel="frequency (kHz)", xlim=(0.0, math.pi))
     omega = np.linspace(0.0, 1.5 * edges[-1, 1], 1000) * 2.0 * math.pi
-    gaps.plot(omega / (2e3 * math.pi), gr.waves.decay(omega, k, mass), color=HARD_COLOUR, lw=0.8)
-    gaps.plot(np.array(data["decays"]["omega"]) / (2e3 * math.pi), data["decays"]["decay"], "o", ms=3, mfc="none",
-              color=SOFT_COLOUR, label="runs")
+    gaps.plot(omega / (2e3 * math.pi), gr.waves.decay(omega, k, mass), color=THEORY_COLOUR, ls="--", label="theory")
+    gaps.plot(np.array(data["decays"]["omega"]) / (2e3 * math.pi), data["decays"]["decay"], "o", mfc="none",
+              color=SOFT_COLOUR, label="soft spheres")
     for low, high in 1e-3 * edges:
         gaps.axvspan(low, high, color=GREY_COLOUR, alpha=0.15, lw=0)
-    gaps.set(xlabel="frequency, kHz", ylabel="decay from ball to ball", ylim=(0.0, 1.05), xlim=(0.0, None))
+    gaps.set(xlabel="frequency (kHz)", ylabel="amplitude ratio of neighbouring balls", ylim=(0.0, 1.05),
+             xlim=(0.0, None))
     gaps.legend()
     x = np.linspace(-3.0, 3.0, 400)
-    pulse.plot(x, gr.waves.SolitaryWave(1.5).force(x), color=HARD_COLOUR, lw=0.8, label="exact")
+    pulse.plot(x, gr.waves.SolitaryWave(1.5).force(x), color=THEORY_COLOUR, label="exact wave")
     near = np.abs(x) < math.pi / math.sqrt(0.4) / 2.0
-    pulse.plot(x[near], np.cos(math.sqrt(0.4) * x[near]) ** 6, color=GREY_COLOUR, lw=0.8, ls="--", label="continuum")
-    marks = zip("os^", data["solitary"]["sensors"], data["solitary"]["at"], data["solitary"]["force"], strict=True)
-    for mark, contact, at, force in marks:
-        pulse.plot(at, force, mark, ms=3, mfc="none", color=SOFT_COLOUR, label=f"contact {contact}")
-    pulse.set(xlabel="distance from the peak, diameters", ylabel="force over its peak", yscale="log", ylim=(1e-5, 2.0))
+    pulse.plot(x[near], np.cos(math.sqrt(0.4) * x[near]) ** 6, color=GREY_COLOUR, ls=":", label="continuum")
+    marks = zip("so^", (6.0, 4.0, 2.0), *(data["solitary"][key] for key in ("sensors", "at", "force")), strict=True)
+    for mark, size, contact, at, force in marks:
+        pulse.plot(at, force, mark, ms=size, mew=0.6, mfc="none", color=SOFT_COLOUR, label=f"contact {contact}")
+    pulse.set(xlabel="distance from the peak (diameters)", ylabel="force/peak force", yscale="log", ylim=(1e-5, 2.0))
     pulse.legend(loc="lower center")
     gr.waves.picture(struck_chain(60, 300), beyond=True, axis=picture)
-    for axis, name in zip(axes.ravel(), "abcd", strict=True):
-        axis.text(0.02, 0.97, f"({name})", transform=axis.transAxes, va="top")
+    add_letters(axes.ravel())
     return figure
 
 

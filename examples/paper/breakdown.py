@@ -8,7 +8,7 @@ import math
 import matplotlib
 import numpy as np
 from matplotlib.colors import LogNorm
-from setting import HARD_COLOUR, PAGE_WIDTH, add_letter, main, new_figure, prefixed_arrays
+from setting import PAGE_WIDTH, add_letter, main, new_figure, prefixed_arrays
 from validity import ERROR_LIMIT
 
 import granular as gr
@@ -60,26 +60,25 @@ def compute(points):
 
 
 def draw(data):
-    """Draw errors of stack and cradle, the bounce of the column, and the gas.
+    """Draw errors of stack and cradle, the restitution of the column, and the gas.
 
-    The panel of the gas shows the share of impulse that is not binary.
+    The panel of the gas shows the shared impulse.
     """
-    figure, axes = new_figure(PAGE_WIDTH, 4.6, 2, 2)
+    figure, axes = new_figure(PAGE_WIDTH, 4.8, 2, 2)
     draw_curves(axes[0, 0], data, "stack_n", "error", "balls")
     draw_curves(axes[0, 1], data, "cradle_exponent", "error", "$p$ of $F\\sim\\xi^p$")
     for axis in axes[0]:
         axis.set(yscale="log", ylim=(1e-4, 30.0), ylabel=ERROR_LABEL)
-        axis.axhline(ERROR_LIMIT, color=HARD_COLOUR, lw=0.7, ls="--")
-        axis.annotate(f"{100 * ERROR_LIMIT:g} %: limit of Yes", (0.98, ERROR_LIMIT), (0, 2), fontsize=7, ha="right",
-                      xycoords=("axes fraction", "data"), textcoords="offset points", color=HARD_COLOUR)
+        axis.axhline(ERROR_LIMIT, color="black", lw=0.7, ls="--")
+        axis.annotate(f"{100 * ERROR_LIMIT:g} % limit", (0.98, ERROR_LIMIT), (0, 2), fontsize=7.5, ha="right",
+                      xycoords=("axes fraction", "data"), textcoords="offset points")
     draw_curves(axes[1, 0], data, "column_n", "mass_centre_ratio", "balls")
-    axes[1, 0].set_ylabel("bounce of the whole, soft/hard")
+    axes[1, 0].set_ylabel("centre-of-mass restitution, soft/hard")
     shared = data["gas_shared_impulse"]
     image = axes[1, 1].pcolormesh(data["gas_duration"], data["gas_packing"], np.maximum(shared, 1e-6),
                                   shading="nearest", norm=LogNorm(1e-3, 1.0), cmap="cividis", rasterized=True)
-    axes[1, 1].set(xscale="log", xlabel="$t_c$ (s), at thermal speed 1 m/s and 1 ball/m", ylabel="packing")
-    axes[1, 1].set_title(" × ".join(map(str, shared.shape)) + " runs", fontsize=7, loc="right")
-    figure.colorbar(image, ax=axes[1, 1], label=r"impulse not binary, $\varphi$", extend="min")
+    axes[1, 1].set(xscale="log", xlabel="contact duration, $t_c$ (s)", ylabel="packing fraction")
+    figure.colorbar(image, ax=axes[1, 1], label=r"shared impulse, $\varphi$", extend="min")
     for axis, tag in zip(axes.flat, "abcd", strict=True):
         add_letter(axis, f"({tag})", x=0.93, color="white" if tag == "d" else "black")
     return figure
@@ -88,11 +87,14 @@ def draw(data):
 def draw_curves(axis, data, name, measure, title):
     """Draw a measure over the gap, one line per value of the parameter `name`."""
     kind, values = name.partition("_")[0], data[name]
-    colours = matplotlib.colormaps["viridis"](np.linspace(0.9, 0.0, len(values)))
-    for value, row, shade in zip(values, data[f"{kind}_{measure}"], colours, strict=True):
-        axis.plot(data[f"{kind}_gap"], row, color=shade, label=f"{value:g}", marker=".", ms=2.5, lw=0.7)
-    axis.set(xscale="log", xlabel="gap  (m)")
-    axis.legend(title=title, title_fontsize=7, fontsize=6.5, ncols=2, loc="best")
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.7, 0.0, len(values)))
+    looks = zip(values, data[f"{kind}_{measure}"], colours, "o^sDvP"[: len(values)], strict=True)
+    for value, row, shade, mark in looks:
+        axis.plot(data[f"{kind}_gap"], row, mark, ls="-", color=shade, label=f"{value:g}", ms=2.8, lw=0.7, mew=0.5,
+                  mfc="white")
+    axis.set(xscale="log", xlabel="gap (m)")
+    axis.legend(title=title, title_fontsize=7.5, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.4,
+                borderaxespad=0.3)
 
 
 if __name__ == "__main__":

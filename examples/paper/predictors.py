@@ -15,10 +15,10 @@ import granular as gr
 MIN_DRAWN_VALUE = 1e-8
 """Value at which all smaller values are drawn."""
 CANDIDATE_LABELS = {
-    "shared_impulse": r"impulse not binary, $\varphi$", "crowding": "crowded collisions, $p$",
-    "occupation": r"share of time in contact, $\Lambda$", "distance": "distance of velocities, $D$",
-    "mass_centre": r"bounce of the whole, $|1-K_{\mathrm{cm}}|$",
-    "restitution": r"$|1-\varepsilon_{\mathrm{eff}}/\varepsilon|$  (1 where none exists)",
+    "shared_impulse": r"shared impulse, $\varphi$", "crowding": "crowded collisions, $p$",
+    "occupation": r"fraction of time in contact, $\Lambda$", "distance": "distance of velocities, $D$",
+    "mass_centre": r"centre of mass, $|1-K_{\mathrm{cm}}|$",
+    "restitution": r"restitution, $|1-\varepsilon_{\mathrm{eff}}/\varepsilon|$",
 }
 SCENE_MARKERS = {"two balls": "o", "stack": "^", "cradle": "s", "column": "v", "gas": "x"}
 
@@ -68,7 +68,7 @@ def draw(data):
     for axis, tag, (name, title) in zip(axes.flat, "abcdef", CANDIDATE_LABELS.items(), strict=True):
         for kind, columns in data["scenes"].items():
             x, y = (np.maximum(columns[key], MIN_DRAWN_VALUE) for key in (name, "error"))
-            axis.plot(x, y, SCENE_MARKERS[kind], ms=2.8, mew=0.6, mfc="none", label=kind)
+            axis.plot(x, y, SCENE_MARKERS[kind], ms=3.2, mew=0.6, mfc="none", label=kind)
         axis.set(xscale="log", yscale="log", xlabel=title, ylim=(0.5 * MIN_DRAWN_VALUE, 30.0))
         add_letter(axis, f"({tag})  rank correlation {data['rank_correlation'][name]:.2f}")
         axis.set_xticks(*ticks(axis.get_xlim()))

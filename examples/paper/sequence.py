@@ -9,7 +9,6 @@ from setting import (
     COLUMN_WIDTH,
     FLOOR_COLOUR,
     GREY_COLOUR,
-    HARD_COLOUR,
     SOFT_COLOUR,
     contacts,
     dashpot_laws,
@@ -69,7 +68,7 @@ def draw(data, label=r"$\varepsilon$", top=1.2, unit=1.0, marked=RESTITUTION):
         axis.plot(x, one["floor_end"] * 1e3, color=FLOOR_COLOUR, lw=1.4)
     axis.fill_between([], [], facecolor=SOFT_COLOUR, alpha=0.3, edgecolor=SOFT_COLOUR, label="contacts 1–2")
     axis.plot([], [], color=FLOOR_COLOUR, lw=1.4, label="end of contact 0–1")
-    theory = {"color": HARD_COLOUR, "lw": 0.6, "ls": (0, (4, 2))}
+    theory = {"color": "black", "lw": 0.6, "ls": (0, (4, 2))}
     for one in data.get("adiabatic", ()):
         axis.plot(one["parameter"], one["contacts"].reshape(-1, len(one["parameter"])).T * 1e3, **theory)
     if "adiabatic" in data:

@@ -12,7 +12,7 @@ import sys
 from itertools import groupby, pairwise
 from pathlib import Path
 
-import matplotlib
+import matplotlib.style
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -25,14 +25,6 @@ YOUNG_MODULUS, POISSON_RATIO = 5e7, 0.45
 SOFT_COLOUR, HARD_COLOUR, FLOOR_COLOUR, GREY_COLOUR = "#1f4e79", "#c1440e", "#c8963e", "#8a8a8a"
 COLUMN_WIDTH, PAGE_WIDTH = 3.4, 7.0
 """Widths of a column and of a page in inches."""
-FIGURE_STYLE = {
-    "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0, "legend.frameon": False,
-    "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
-    "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.top": True, "ytick.right": True,
-    "xtick.direction": "in", "xtick.major.width": 0.6, "xtick.minor.width": 0.4,
-    "ytick.direction": "in", "ytick.major.width": 0.6, "ytick.minor.width": 0.4,
-}
-"""Figure style of Physical Review."""
 
 
 def dashpot_laws(scene, restitution):
@@ -112,8 +104,8 @@ def main(compute, draw, points):
                         help="points along the longest axis; finer details are not resolved [%(default)s]")
     given = parser.parse_args()
     data = compute(given.points)
-    with matplotlib.rc_context(FIGURE_STYLE):
-        draw(data).savefig(given.output, dpi=300)
+    with matplotlib.style.context("granular.journal"):
+        draw(data).savefig(given.output, dpi=240)
     if given.json:
         text = json.dumps(data | {"granular": gr.__version__}, default=lambda array: array.tolist())
         Path(given.json).write_text(text.replace("NaN", "null") + "\n", encoding="utf-8")

@@ -5,7 +5,7 @@ Maps of ε_eff/ε. Near 1, hard spheres reproduce the outcome of soft spheres.
 
 import numpy as np
 from counts import UPPER_RADIUS, draw_maps, with_ratio_axis
-from setting import HARD_COLOUR, main, prefixed_arrays
+from setting import main, prefixed_arrays
 
 import granular as gr
 
@@ -30,9 +30,9 @@ def draw(data):
     shown = [(np.clip(one, 0.0, 1.0), up, across) for one, up, across in maps]
     figure, _ = draw_maps(shown, title, cmap="cividis", vmin=0.0, vmax=1.0)
     for axis, (one, (_, y), (_, x)) in zip(figure.axes, maps, strict=False):
-        axis.contour(x, y, np.abs(one - 1.0), [ERROR_LIMIT], colors=[HARD_COLOUR], linewidths=1.0)
-    figure.axes[0].plot([], [], color=HARD_COLOUR, lw=1.0, label=f"{100 * ERROR_LIMIT:g} % from 1")
-    figure.axes[0].legend(loc="lower left", labelcolor="white")
+        axis.contour(x, y, np.abs(one - 1.0), [ERROR_LIMIT], colors="black", linewidths=1.0)
+    figure.axes[0].plot([], [], color="black", lw=1.0, label=f"{100 * ERROR_LIMIT:g} % from 1")
+    figure.axes[0].legend(loc="lower left", frameon=True, framealpha=0.9, edgecolor="none")
     return figure
 
 
