@@ -17,8 +17,8 @@ import docs_data  # must precede `bench`, because it extends sys.path
 
 from bench.reference import solve
 from granular import Hertz, LinearDashpot, Scene, ViscoelasticHertz, cases, scenes, until
-from granular._engine.reports import duration
-from granular.studies.frontier_result import METHOD_STYLES
+from granular._engine.reports import duration, rough_text
+from granular.studies.frontier_result import METHOD_STYLES, laws
 from granular.studies.frontiers import Frontier, frontier as with_any_reference
 
 DOCS_FOLDER = Path(__file__).parents[1] / "docs"
@@ -71,9 +71,12 @@ SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸�
 def section(name: str, title: str, report: Frontier) -> str:
     """Section of the page about one scene: figure, caption, table and orders."""
     truth = report.reference
-    caption = (f"Errors against run time for {len(truth.contacts)} contacts. Error of the reference: "
+    machine = report.machine
+    caption = (f"Errors against run time for {len(truth.contacts)} contacts, *(a)* of the velocities after the last "
+               f"contacts, *(b)* of onset and end of all contacts. Laws: `{laws(report)}`. Error of the reference: "
                f"{scientific_notation(truth.velocity_error)}. Rounding level: "
-               f"{scientific_notation(report.rounding_level)}.")
+               f"{scientific_notation(report.rounding_level)}. {machine.get('processor')}, Python "
+               f"{machine.get('python')}, SciPy {machine.get('scipy')}, numba {machine.get('numba')}.")
     lines = [
         f"## {title}", "",
         ":::{figure-md}", f"![{ALT_TEXT}: {title}](../figures/frontier-{name}.png)", "", caption, ":::", "",
@@ -82,7 +85,7 @@ def section(name: str, title: str, report: Frontier) -> str:
     alone = tuple(method for method in report.methods if method != "located")
     for goal in ERROR_GOALS:
         mine, other = report.fastest(goal, without=alone), report.fastest(goal, without=("located",))
-        ratio = f"{other.seconds / mine.seconds:.2g}" if mine and other else "–"
+        ratio = rough_text(other.seconds / mine.seconds) if mine and other else "–"
         shown = [duration(mine.seconds) if mine else "–"]
         shown += [f"{method_label(other.method)}, {duration(other.seconds)}" if other else "no other method", ratio]
         lines.append(f"| {scientific_notation(goal)} | {' | '.join(shown)} |")
