@@ -209,8 +209,8 @@ class Frontier(Report):
         """
         figure, ((left, right),) = canvas(PAGE_WIDTH, 4.0, 1, 2, sharex=True, sharey=True)
         _errors(left, self, "velocity_error", "error of velocities (units of the impact speed)")
-        _shade(left, self.floor)
         _errors(right, self, "time_error", "error of times (units of the longest contact)")
+        _shade(left, self.floor)
         _shade(right, np.fmax(self.clock_digit, self.reference.time_error))
         _legend(figure, self)
         add_letters((left, right))
