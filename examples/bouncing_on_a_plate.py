@@ -14,7 +14,8 @@ eps, g, omega, ratio = 0.5, 9.81, 2.0 * math.pi * 50.0, 100.0
 once = math.pi * (1.0 - eps) / (1.0 + eps)
 doubles = math.hypot(once, 2.0 * (1.0 + eps**2) / (1.0 + eps) ** 2)
 print(f"hard spheres: one bounce per period from Γ = {once:.4f}, period doubling at Γ = {doubles:.4f}")
-figure, axes = plt.subplots(1, 3, figsize=(8, 2.8), sharey=True, layout="constrained")
+plt.style.use("granular.journal")
+figure, axes = plt.subplots(1, 3, figsize=(7, 2.5), sharey=True, layout="constrained")
 end = gr.until.contact(pair=0, nth=600)
 for axis, gamma in zip(axes, (1.50, 1.525, 1.54), strict=True):
     plate = gr.walls.Sine.from_acceleration(gamma, omega / (2.0 * math.pi), g, phase=math.acos(once / gamma))
@@ -25,9 +26,11 @@ for axis, gamma in zip(axes, (1.50, 1.525, 1.54), strict=True):
     phases = [gr.measures.section(run)["phase"] for run in (hard, soft)]
     periods = [len(np.unique(phase[-8:].round(3))) for phase in phases]
     print(f"Γ = {gamma}: period {periods[0]} of hard spheres, {periods[1]} of soft spheres with ω₀ = {ratio:g} ω")
-    for phase, name in zip(phases, ("hard", "soft"), strict=True):
-        axis.plot(phase[-40:], ".", label=name)
+    for phase, name, colour, mark in zip(phases, ("hard", "soft"), ("#c1440e", "#1f4e79"), "o.", strict=True):
+        axis.plot(phase[-40:], mark, color=colour, mfc="none", label=name)
     axis.set(title=f"Γ = {gamma}", xlabel="last bounces")
-axes[0].set_ylabel("phase of the plate, turns")
-axes[0].legend(frameon=False)
+axes[0].set_ylabel("phase of the plate (turns)")
+for axis, letter in zip(axes, "abc", strict=True):
+    axis.set_title(f"({letter})", loc="left")
+figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
 figure.savefig("bouncing_on_a_plate.png")

@@ -22,9 +22,12 @@ for speed in (0.5, 1.0):
     print(f"striker {speed} m/s: wave {wave:.1f} m/s, largest force {run.of(20)['force_max'][0]:.0f} N")
 print(f"exponent of the wave speed: {math.log(travel[1] / travel[0], 2):.3f} (theory: 0.2)")
 
-figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
+plt.style.use("granular.journal")
+figure, axis = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
 for ball in range(5, 40, 5):
-    axis.plot(1e3 * run.time, run.velocity[:, ball], label=f"ball {ball}")
-axis.set(xlabel="time, ms", ylabel="velocity, m/s", title="struck at 1 m/s, F = k ξ^(3/2), k = 2·10¹⁰ N/m^(3/2)")
-axis.legend(frameon=False, fontsize=7)
+    axis.plot(1e3 * run.time, run.velocity[:, ball], color="#1f4e79")
+    top = run.velocity[:, ball].argmax()
+    axis.annotate(f"{ball}", (1e3 * run.time[top], run.velocity[top, ball]), ha="center", va="bottom")
+axis.set(xlabel="time (ms)", ylabel="velocity (m/s)", ylim=(-0.03, 0.78),
+         title=r"balls 5, 10, …, 35, $F=k\,\xi^{3/2}$, striker at 1 m/s")
 figure.savefig("hertz_chain.png")

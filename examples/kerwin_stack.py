@@ -22,9 +22,10 @@ for n in balls:
     speed["closed formula"].append(gr.theory.stack_velocities(scene.mass[1:], 1.0)[-1])
     print(f"{n:5d}", *(f"{values[-1]:10.4f}" for values in speed.values()))
 
-figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
-for (name, values), mark in zip(speed.items(), ("-", "o", "s"), strict=True):
+plt.style.use("granular.journal")
+figure, axis = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
+for (name, values), mark in zip(speed.items(), ("k-", "o", "s"), strict=True):
     axis.plot(balls, values, mark, label=name)
 axis.set(xlabel="number of balls", ylabel="speed of the top ball / speed of the fall")
-axis.legend(frameon=False)
+axis.legend()
 figure.savefig("kerwin_stack.png")

@@ -18,9 +18,10 @@ def main():
         there = gr.sweep("three-balls", SWEEP_AXES, "contacts", executor=pool)
     print("process pool, bitwise identical:", here.identical(there))
     print("largest number of contacts of the two balls:", int(here["contacts"].max()))
-    drawn, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
+    plt.style.use("granular.journal")
+    drawn, axis = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
     here["contacts"].sel(pair=1).plot(ax=axis, x="restitution", yscale="log", cbar_kwargs={"label": "contacts"})
-    axis.set(xlabel="ε", ylabel="gap, m", title="R = 10 and 1 cm, k = 5·10⁷ N/m")
+    axis.set(xlabel="ε", ylabel="gap (m)", title="R = 10 and 1 cm, k = 5·10⁷ N/m")
     return drawn
 
 

@@ -15,9 +15,11 @@ for e in eps:
     widest = float(data["gap"][wrong.sel(restitution=e)].max())
     print(f"ε = {e}: gaps below {widest * 1e3:.2f} mm give an ε_eff with an error above 1 %")
 
-figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
-for e in eps:
-    axis.semilogx(1e3 * data["gap"], data["eps_ratio"].sel(restitution=e), label=f"ε = {e}")
-axis.set(xlabel="gap, mm", ylabel="ε_eff / ε", title="two balls on a floor, R = 10 and 1 cm, k = 5·10⁷ N/m")
-axis.legend(frameon=False)
+plt.style.use("granular.journal")
+figure, axis = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
+for e, line in zip(eps, ("-", "--", "-.", ":"), strict=True):
+    axis.semilogx(1e3 * data["gap"], data["eps_ratio"].sel(restitution=e), line, label=f"ε = {e}")
+axis.set(xlabel="gap (mm)", ylabel=r"$\varepsilon_\mathrm{eff}/\varepsilon$",
+         title="two balls on a floor, R = 10 and 1 cm, k = 5·10⁷ N/m")
+axis.legend()
 figure.savefig("where_edmd_breaks.png")

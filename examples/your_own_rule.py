@@ -18,7 +18,9 @@ for row in run.of(0)[:6]:
     before, after = -row["v_in"][1], row["v_out"][1]
     print(f"t = {row['t_begin']:.4f} s: {before:.4f} m/s in, {after:.4f} m/s out, ε = {after / before:.3f}")
 
-figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
-axis.plot(run.time, run.gap[:, 0])
-axis.set(xlabel="time, s", ylabel="height of the ball's lowest point, m", title="ε = 0.8 (v / 1 m/s)^(−1/4)")
+plt.style.use("granular.journal")
+figure, axis = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
+axis.plot(run.time, run.gap[:, 0], color="#c1440e")
+axis.set(xlabel="time (s)", ylabel="height of the ball's lowest point (m)",
+         title=r"$\varepsilon=0.8\,(v/1\,\mathrm{m/s})^{-1/4}$")
 figure.savefig("your_own_rule.png")

@@ -76,7 +76,7 @@ def figures(block: Any, block_vars: dict[str, Any], settings: dict[str, Any]) ->
     if drawn is None:
         return ""
     path = next(block_vars["image_path_iterator"])
-    drawn.savefig(path, dpi=120)
+    drawn.savefig(path, dpi=200)
     return str(figure_rst([path], settings["src_dir"], title_of(block_vars["src_file"])))
 
 

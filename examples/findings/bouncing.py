@@ -57,15 +57,15 @@ if __name__ == "__main__":
     print("hard", len(hard.contacts), "bounces, energy", energy_change(hard))
     soft = gr.md.simulate(ball(), gr.LinearDashpot(1e6), t_end=1e4)
     print("soft", len(soft.contacts), "bounces, energy", energy_change(soft))
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 2.5, "legend.frameon": False})
-    figure, axis = plt.subplots(figsize=(8.5, 5.0), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axis = plt.subplots(figsize=(7, 2.7), layout="constrained")
     for scheme, colour in zip(SCHEMES, ("#333333", "#888888", "#333333"), strict=True):
         for rate, width in ((60, 3.0), (240, 1.2)):
             found = energies(scheme, 1.0 / rate, 36_000)
             print(scheme, f"1/{rate} s:", len(found), "bounces, energy", found[[9, -1]].round(4))
             axis.plot(np.arange(1, len(found) + 1), found, "--" if "not" in scheme else "-", color=colour, lw=width,
                       label=f"{scheme}, 1/{rate} s")
-    axis.axhline(1.0, color="#c1440e", label="hard spheres (soft spheres within 1e-14)")
+    axis.axhline(1.0, color="#c1440e", label="hard spheres (soft spheres within $10^{-14}$)")
     axis.set(xscale="log", yscale="log", xlabel="bounce", ylabel="energy / first energy", ylim=(MIN_ENERGY, MAX_ENERGY))
-    axis.legend(fontsize=11)
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.savefig("bouncing.png")

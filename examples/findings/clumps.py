@@ -66,13 +66,13 @@ if __name__ == "__main__":
              *((lasts, {"tc": lasts}) for lasts in (3e-2, 3e-3, 3e-4, 3e-5, 3e-6, 3e-7))]
     found = [gr.ensemble(box, 8, "seed", [spread, first_share], lasts=lasts, remedy=remedy) for lasts, remedy in cases]
     print(*(f"contacts of {x[0]:g} s, hard {x[1]}: {one}" for x, one in zip(cases, found, strict=True)), sep="\n\n")
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 2.5, "legend.frameon": False})
-    figure, axes = plt.subplot_mosaic("ac;bc", figsize=(12.5, 5.6), width_ratios=(1.0, 1.1), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplot_mosaic("ac;bc", figsize=(7, 3.4), width_ratios=(1.0, 1.1), layout="constrained")
     for place, engine, name, colour in (("a", "edmd", "hard", "#c1440e"), ("b", "md", "soft", "#1f4e79")):
         run = box(3e-4, {}, start=500.0, end=515.0).simulate(engine)
         axes[place].plot(run.time - 500.0, run.position[:, 2:-1], color=colour, lw=0.8)
         axes[place].plot(run.time - 500.0, run.position[:, 1], color="black", lw=1.5)
-        axes[place].set(title=name, xlabel="time, s", xlim=(0, 15), yticks=(0, 1), yticklabels=("hot", "elastic"))
+        axes[place].set(title=name, xlabel="time (s)", xlim=(0, 15), yticks=(0, 1), yticklabels=("hot", "elastic"))
     named = ("-", 0.77, "hard, no remedy"), (":", 1.1, "hard, elastic below 0.01 m/s"), ("--", 1.1, "hard, merged")
     for (style, place, name), one in zip(named, found, strict=False):
         axes["c"].axhline(one.quantities[0].means[0], color="#c1440e", ls=style)
@@ -80,6 +80,8 @@ if __name__ == "__main__":
     for which, name, colour in ((0, "TC model", "#c8963e"), (1, "soft", "#1f4e79")):
         means = [(one.quantities[0].means[which], one.quantities[0].errors[which]) for one in found[3:]]
         axes["c"].errorbar([lasts for lasts, _ in cases[3:]], *np.array(means).T, fmt="o-", color=colour, label=name)
-    axes["c"].set(xscale="log", yscale="log", xlabel="duration of a contact, s", ylabel="spread, m", ylim=(1e-3, 0.4))
+    axes["c"].set(xscale="log", yscale="log", xlabel="duration of a contact (s)", ylabel="spread (m)", ylim=(1e-3, 0.4))
     axes["c"].legend()
+    for letter, axis in axes.items():
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("clumps.png")

@@ -55,25 +55,27 @@ def three_ball_collisions(beyond):
 
 if __name__ == "__main__":
     steps = (-0.03, -0.01, -0.001, 0.001, 0.01, 0.03)
-    plt.rcParams.update({"font.size": 14, "legend.frameon": False})
-    figure, axes = plt.subplots(1, 2, figsize=(12.5, 4.8), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplots(1, 2, figsize=(7, 2.9), layout="constrained")
     for n in range(3, 9):
         for place, beyond in enumerate(steps):
             ends = [run_to_end(n, beyond, seed) for seed in range(4)]
             print(f"N = {n}, {1.0 + beyond:.3f} ε_N:", *(f"{count} ({name})" for name, count in ends))
             for turn, (name, _) in enumerate(sorted(ends)):
-                axes[0].plot(place + 0.18 * (turn - 1.5), n, "s", color=STATUS_COLOURS[name], ms=9)
+                axes[0].plot(place + 0.18 * (turn - 1.5), n, "s", color=STATUS_COLOURS[name], ms=4)
     for name, colour in STATUS_COLOURS.items():
-        axes[0].plot([], [], "s", color=colour, ms=9, label=name)
-    axes[0].set(xticks=range(6), xticklabels=[f"{100.0 * x:+g}" for x in steps], ylim=(2.5, 8.5), ylabel="balls")
+        axes[0].plot([], [], "s", color=colour, ms=4, label=name)
+    axes[0].set(xticks=range(6), xticklabels=("−3", "−1", "−0.1", "+0.1", "+1", "+3"), ylim=(2.5, 8.5), ylabel="balls")
     axes[0].axvline(2.5, color="black", lw=1.0, ls="--")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     above = np.geomspace(3e-3, 0.3, 15)
     for n, colour in ((8, "#c8963e"), (4, "#6f9fc8"), (3, "#1f4e79")):
         counts = [run_to_end(n, beyond, 0)[1] for beyond in above]
-        axes[1].loglog(100.0 * above, counts, "o", color=colour, ms=8, label=f"{n} balls")
+        axes[1].loglog(100.0 * above, counts, "o", color=colour, ms=4, label=f"{n} balls")
     axes[1].loglog(100.0 * above, three_ball_collisions(above), color="#1f4e79", label="2π/θ")
     axes[1].set(xticks=(1, 10), xticklabels=(1, 10), ylabel="collisions until separation")
     axes[1].legend()
-    figure.supxlabel("ε above the formula, %", fontsize=14)
+    figure.supxlabel("ε above the formula (%)")
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("collapse.png")

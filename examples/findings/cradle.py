@@ -57,13 +57,13 @@ if __name__ == "__main__":
     for gap in (0.0, 1e-6, 3e-6, 1e-5):
         print(f"gaps {1e6 * gap:2.0f} µm: speeds", *(f"{speed:8.4f}" for speed in speeds_after_impact(gap)))
     print("30 touching balls: first", long_row(30)[0].round(6), "last", long_row(30)[-2:].round(6))
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplots(1, 2, figsize=(7, 3.2), layout="constrained")
     gaps, blue = np.geomspace(1e-7, 4e-5, 21), ("#1f4e79", "#6f9fc8")
     for speed, line, colour in zip((1.0, IMPACT_SPEED), ("--", "-"), blue[::-1], strict=True):
         fourth = [speeds_after_impact(gap, speed)[3] for gap in gaps]
         axes[0].semilogx(1e6 * gaps, fourth, line, color=colour, label=f"{speed:g} m/s")
-    axes[0].set(xlabel="gaps between steel balls, µm", ylabel="speed of the fourth ball / striker")
+    axes[0].set(xlabel="gaps between steel balls (µm)", ylabel="speed of the fourth ball / striker")
     for gap, colour in zip((0.0, 1e-6, 1e-5), (*blue, "#c8963e"), strict=True):
         name = f"soft, gaps {1e6 * gap:.0f} µm"
         axes[1].plot(np.arange(0, 20.5, 0.5), swing_energy(gap, 20), color=colour, label=name)
@@ -72,4 +72,6 @@ if __name__ == "__main__":
     for axis in axes:
         axis.set_xticks(*(((0.1, 1, 10), ("0.1", "1", "10")) if axis is axes[0] else (range(0, 21, 5),)))
         axis.legend()
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("cradle.png")

@@ -55,16 +55,19 @@ if __name__ == "__main__":
     limit = np.interp(-0.544, -of_equal[:, 0], equal)  # 0.544: mean of the hard and of the TC energy
     print(f"the TC model is more accurate than hard spheres up to s0 = {limit:.2f} v t_c")
 
-    plt.rcParams.update({"font.size": 13, "lines.linewidth": 3.0})
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.4), sharey=True, layout="constrained")
-    for column, colour in enumerate(MODEL_COLOURS.values()):
-        axes[0].plot(equal, of_equal[:, column], color=colour)
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplots(1, 2, figsize=(7, 3), sharey=True, layout="constrained")
+    for column, (colour, mark) in enumerate(zip(MODEL_COLOURS.values(), "os^", strict=True)):
+        axes[0].plot(equal, of_equal[:, column], mark, ls="-", markevery=3, color=colour)
         error = of_drawn[:, :, column].std(axis=1, ddof=1) / len(draws) ** 0.5
-        axes[1].errorbar(apart, of_drawn[:, :, column].mean(axis=1), error, color=colour, fmt="o-", lw=2.0, ms=7)
-    for text, *place in (("soft spheres", 0.035, 0.6), ("TC model", 0.45, 1.01), ("hard spheres", 0.035, 0.03)):
-        axes[0].text(*place, text, color=MODEL_COLOURS[text], weight="bold")
-    axes[0].set(title="equal gaps s₀", ylabel="energy left, E / E₀", ylim=(0.0, 1.08))
-    axes[1].set(title="gaps at random, mean s₀, 12 draws")
+        axes[1].errorbar(apart, of_drawn[:, :, column].mean(axis=1), error, color=colour, fmt=mark + "-")
+    for text, *place in (("soft spheres", 0.035, 0.7), ("TC model", 0.45, 1.01), ("hard spheres", 0.035, 0.03)):
+        axes[0].text(*place, text, color=MODEL_COLOURS[text])
+    axes[0].set(title="equal gaps $s_0$", ylabel="energy left, $E/E_0$", ylim=(0.0, 1.08))
+    axes[1].set(title="random gaps, mean $s_0$")
+    axes[1].tick_params(labelleft=True)
     plt.setp(axes, xscale="log", xticks=(0.1, 1.0, 10.0), xticklabels=("0.1", "1", "10"))
-    figure.supxlabel("gap s₀ / (speed × duration of a contact)", fontsize=13)
+    figure.supxlabel("gap, $s_0/(v\\,t_c)$")
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("detachment.png")

@@ -53,15 +53,15 @@ if __name__ == "__main__":
               "soft, linear": soft_speeds(gr.LinearDashpot(1e6)), "soft, Hertz": soft_speeds(gr.Hertz(1e9))}
     for name, values in (ENGINES | models).items():
         print(f"{name:24}", " ".join(f"{value:7.3f}" for value in values))
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 2.0, "legend.frameon": False})
-    figure, axis = plt.subplots(figsize=(8.5, 5.5), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axis = plt.subplots(figsize=(6, 3), layout="constrained")
     ball = np.arange(1, BALLS + 1)
     colours = {"hard": "#c1440e", "soft": "#1f4e79"}
     for marker, (name, values) in zip("osD^v", ENGINES.items(), strict=True):
-        axis.plot(ball, values, marker, color="#777777", markersize=9, fillstyle="none", label=name)
+        axis.plot(ball, values, marker, color="#777777", markersize=5, fillstyle="none", label=name)
     for name, values in models.items():
         style = "-" if name in ("hard, left", "soft, Hertz") else "--"
         axis.plot(ball, values, style, color=colours[name[:4]], label=name)
     axis.set(xlabel="ball", ylabel="final velocity / initial speed of ball 1", xticks=ball)
-    axis.legend(fontsize=11, loc="upper left")
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.savefig("engines.png")

@@ -52,8 +52,8 @@ def best_mass(share):
 
 
 if __name__ == "__main__":
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0})
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplots(1, 2, figsize=(7, 3.2), layout="constrained")
     ways = {"hard spheres": (hard_share, "#c1440e")}
     for (name, law), colour in zip(SOFT_LAWS.items(), ("#1f4e79", "#6f9fc8", "#c8963e"), strict=True):
         ways[name] = partial(soft_share, law), colour
@@ -62,13 +62,15 @@ if __name__ == "__main__":
         mass, rows = best_mass(share), [share(*np.geomspace(1.0, LAST_MASS, n)) for n in range(2, 9)]
         print(f"{name:14} {mass:8.3f} {share(1.0, mass, LAST_MASS):11.4f} {rows[1]:11.4f} {rows[-1]:10.4f}")
         axes[0].semilogx(MASS_GRID, [share(1.0, m, LAST_MASS) for m in MASS_GRID], color=colour)
-        axes[0].plot(mass, share(1.0, mass, LAST_MASS), "o", color=colour, ms=10)
+        axes[0].plot(mass, share(1.0, mass, LAST_MASS), "o", color=colour, ms=5)
         axes[1].plot(range(2, 9), rows, "o-", color=colour, label=name)
     axes[0].axhline(hard_share(1.0, LAST_MASS), color="black", lw=1.0, ls="--")
     axes[0].text(0.038, 0.127, "no ball between")
     axes[0].axvline(LAST_MASS**0.5, color="black", lw=1.0, ls=":")
-    axes[0].set(xlabel="mass of the ball between, kg", ylabel="energy share of the last ball")
+    axes[0].set(xlabel="mass of the ball between (kg)", ylabel="energy share of the last ball")
     axes[0].set_xticks([LAST_MASS, 0.1, LAST_MASS**0.5, 1.0], ["1/27", "0.1", "0.19", "1"])
     axes[1].set(xlabel="balls in a row, geometric masses")
     axes[1].legend(frameon=False)
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("kerwin.png")

@@ -58,18 +58,20 @@ if __name__ == "__main__":
     for k in STIFFNESSES:
         count, speed = collision_count(3, k)
         print(f"k = {k:g} N/m: {count} contacts, limit {contact_limit(k):.1f}, final speed {speed:.6f} m/s")
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
-    figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplots(1, 2, figsize=(7, 3), layout="constrained")
     digits = np.arange(0.0, 3.01, 0.25)
     axes[0].loglog(100.0**digits, [collision_count(d)[0] for d in digits], color="#c1440e", label="hard, π √(M/m)")
     for k, colour, name in zip(STIFFNESSES, ("#bcd3ea", "#8fb4d9", "#4f81b0", "#1f4e79"), "²⁴⁶⁸", strict=True):
         counts = [collision_count(d, k)[0] for d in digits]
         axes[0].loglog(100.0**digits, counts, color=colour, label=f"soft, k = 10{name} N/m")
     axes[0].set(xlabel="mass ratio M/m", ylabel="collisions", ylim=(2.0, 6e3))
-    axes[0].legend(fontsize=12)
+    axes[0].legend(loc="upper left")
     counts, limits = [collision_count(3, k)[0] for k in STIFFNESSES], [contact_limit(k) for k in STIFFNESSES]
-    axes[1].loglog(STIFFNESSES, counts, "o", color="#1f4e79", ms=11, label="soft, M/m = 10⁶")
+    axes[1].loglog(STIFFNESSES, counts, "o", color="#1f4e79", ms=5, label="soft, M/m = 10⁶")
     axes[1].loglog(STIFFNESSES, limits, color="#c8963e", label="2.656 √(x₀ ω/V)", zorder=0)
-    axes[1].set(xlabel="stiffness k, N/m", ylabel="largest number of contacts")
+    axes[1].set(xlabel="stiffness k (N/m)", ylabel="largest number of contacts")
     axes[1].legend()
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("pi.png")

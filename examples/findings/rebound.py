@@ -60,8 +60,8 @@ if __name__ == "__main__":
         print(f"μ = {mu:.3g}: textbook", textbook_speeds(mu).round(4), "steel", touching_speeds(mu).round(5))
     for gap in (0.0, 1e-4, 1e-3, 5e-3, 5e-2):
         print(f"{1e3 * gap:4.1f} mm behind:", *(f"{speed:.3f} after {count} contacts" for speed, count in bounces(gap)))
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
-    figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplots(1, 2, figsize=(7, 3), layout="constrained")
     mu, gaps = np.geomspace(0.01, 10.0, 25), np.geomspace(2e-5, 0.1, 180)
     axes[0].semilogx(mu, textbook_speeds(mu)[1], color="#c1440e", label="hard, upper")
     for law, line in zip(SOFT_LAWS, ("-", "--"), strict=True):
@@ -69,9 +69,11 @@ if __name__ == "__main__":
     axes[0].set(xlabel="upper mass / lower mass", ylabel="speed of the upper ball / fall")
     for nth, colour in enumerate(("#1f4e79", "#6f9fc8")):
         speeds = [bounces(gap)[nth][0] for gap in gaps]
-        axes[1].semilogx(1e3 * gaps, speeds, ("-", ".")[nth], color=colour, ms=5, label=f"soft, bounce {nth + 1}")
+        axes[1].semilogx(1e3 * gaps, speeds, ("-", ".")[nth], color=colour, ms=3, label=f"soft, bounce {nth + 1}")
     axes[1].semilogx(1e3 * gaps, [bounces(gap, gr.edmd)[0][0] for gap in gaps], color="#c1440e", label="hard, bounce 1")
-    axes[1].set(xlabel="gap between the balls, mm", ylabel="speed of the table-tennis ball / fall", ylim=(0.0, 2.6))
+    axes[1].set(xlabel="gap between the balls (mm)", ylabel="speed of the table-tennis ball / fall", ylim=(0.0, 2.6))
     for axis, place in zip(axes, ("lower left", "lower right"), strict=True):
-        axis.legend(loc=place, fontsize=12)
+        axis.legend(loc=place)
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("rebound.png")

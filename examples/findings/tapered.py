@@ -46,8 +46,8 @@ def soft_share(q, law):
 
 if __name__ == "__main__":
     tapering = np.linspace(0.0, 0.1, 6)
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "lines.markersize": 8.0})
-    figure, axis = plt.subplots(figsize=(7.5, 4.8), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axis = plt.subplots(figsize=(4.6, 2.9), layout="constrained")
     shares = {"hard spheres": [hard_share(q) for q in tapering]}
     axis.plot(100.0 * tapering, shares["hard spheres"], "o-", color="#c1440e")
     for name, (law, colour) in SOFT_LAWS.items():
@@ -59,5 +59,5 @@ if __name__ == "__main__":
     for name, x, y, colour in (("hard spheres", 6.2, 0.9, "#c1440e"), ("steel, Hertz", 7.6, 0.53, "#1f4e79"),
                                ("Hertz, one k", 3.6, 0.6, "#6f9fc8"), ("springs", 0.9, 0.4, "#c8963e")):
         axis.text(x, y, name, color=colour, weight="bold")
-    axis.set(xlabel="decrease of the radius per ball, %", ylabel="energy share of the last ball", ylim=(0.0, 1.05))
+    axis.set(xlabel="decrease of the radius per ball (%)", ylabel="energy share of the last ball", ylim=(0.0, 1.05))
     figure.savefig("tapered.png")

@@ -60,16 +60,16 @@ if __name__ == "__main__":
     for gap, speed in ((0.0, 1.0), (-ROUNDING_OVERLAP, 1.0), (-ROUNDING_OVERLAP, 0.01), (1e-5, 0.01)):
         overlap = f"largest overlap {1e6 * largest_overlap(speed):.2f} µm"
         print(f"gap {1e6 * gap:5.2f} µm, {speed:g} m/s:", soft_speeds(gap, speed).round(4), overlap)
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
-    figure, axis = plt.subplots(figsize=(8.5, 5.0), layout="constrained")
+    plt.style.use("granular.journal")
+    figure, axis = plt.subplots(figsize=(4.6, 2.7), layout="constrained")
     gaps = np.concatenate([np.linspace(-4e-7, 1e-6, 43), np.geomspace(1e-6, 1e-4, 25)])
     for speed, colour in ((1.0, "#1f4e79"), (0.1, "#4f81b0"), (0.01, "#9dbfe0")):
         axis.plot(1e6 * gaps, [soft_speeds(gap, speed)[1] for gap in gaps], color=colour, label=f"soft, {speed:g} m/s")
     axis.axvline(-1e6 * ROUNDING_OVERLAP, color="black", lw=1.0, ls="--")
     axis.axhline(0.0, color="#c1440e", label="hard, successive: 0")
     axis.plot([], [], color="#c1440e", ls=":", label="hard, simultaneous: 0.667, off the scale")
-    axis.text(-1.5e6 * ROUNDING_OVERLAP, 0.122, "overlap 0.15 µm", ha="right", rotation=90, fontsize=12)
-    axis.set(xlabel="gap, µm", ylabel="speed of the middle ball / striker", xlim=(-0.45, 100.0), ylim=(-0.01, 0.2))
+    axis.text(-1.5e6 * ROUNDING_OVERLAP, 0.122, "overlap 0.15 µm", ha="right", rotation=90)
+    axis.set(xlabel="gap (µm)", ylabel="speed of the middle ball / striker", xlim=(-0.45, 100.0), ylim=(-0.01, 0.2))
     axis.set_xscale("symlog", linthresh=1.0)
     axis.set_xticks((0.0, 1.0, 10.0, 100.0), ("0", "1", "10", "100"))
     axis.legend()

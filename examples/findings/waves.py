@@ -62,12 +62,12 @@ if __name__ == "__main__":
     for mu in (0.1, 0.5, 1.0, 2.0):
         soft, hard = intruder_outcome(mu), intruder_outcome(mu, gr.edmd)
         print(f"intruder of mass {mu:g}: energy sent back, contacts before and after: soft", soft, "hard", hard)
-    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
-    figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
-    for n, colour in ((40, "#1f4e79"), (41, "#c8963e")):
+    plt.style.use("granular.journal")
+    figure, axes = plt.subplots(1, 2, figsize=(7, 3), layout="constrained")
+    for n, colour, line in ((40, "#1f4e79", "-"), (41, "#c8963e", "--")):
         time, push = quarter_force(n)
-        axes[0].semilogy(1e3 * time, np.maximum(push, 1e-3) / push.max(), color=colour, label=f"{n} beads")
-    axes[0].set(xlabel="time, ms", ylabel="force at a quarter / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
+        axes[0].semilogy(1e3 * time, np.maximum(push, 1e-3) / push.max(), line, color=colour, label=f"{n} beads")
+    axes[0].set(xlabel="time (ms)", ylabel="force at a quarter / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
     axes[0].text(9.9, 0.045, "secondary waves")
     axes[0].legend(loc="upper right", ncols=2)
     for engine, c, name, many, mark in ((gr.edmd, "#c1440e", "hard", 301, "-"), (gr.md, "#1f4e79", "soft", 15, "o-")):
@@ -75,4 +75,6 @@ if __name__ == "__main__":
         axes[1].loglog(masses, [intruder_outcome(mu, engine)[0] for mu in masses], mark, color=c, label=name)
     axes[1].set(xlabel="mass of the intruder / of the others", ylabel="share of energy sent back", ylim=(1e-3, 1.0))
     axes[1].legend(loc="upper left")
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left")
     figure.savefig("waves.png")

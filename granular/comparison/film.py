@@ -23,7 +23,7 @@ from granular.comparison.figure import MAX_FORCE_CURVES, draw_contacts, draw_run
 from granular.comparison.further import Continuation, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
 from granular.run.figures import LINE_COLOURS, MAX_LABELS
-from granular.run.films import Page, blank_page, check, drawn_radii, film_speed, prepare_page, write_film
+from granular.run.films import FONT_FAMILY, Page, blank_page, check, drawn_radii, film_speed, prepare_page, write_film
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
 if TYPE_CHECKING:
@@ -189,7 +189,8 @@ def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array)
                 0.0,
                 number(top, 3) * (len(balls) <= MAX_FORCE_CURVES or body == balls[-1]),
                 color=colour,
-                fontsize=8,
+                fontsize=9,
+                family=FONT_FAMILY,
                 transform=transforms.offset_copy(axis.transData, page.figure, 0.0, size[body] + 3.0, "points"),
                 ha="center",
                 va="bottom",

@@ -32,8 +32,9 @@ from granular.scene import Scene
 
 FILM_SUFFIXES = (".gif", ".mp4")
 MAX_BODIES = 60  # more balls cannot be distinguished
+FONT_FAMILY = ["STIXGeneral", "DejaVu Sans"]
 FILM_STYLE = {
-    "font.family": ["STIXGeneral", "DejaVu Sans"], "mathtext.fontset": "stix", "font.size": 11,
+    "font.family": FONT_FAMILY, "mathtext.fontset": "stix", "font.size": 11,
     "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
     "xtick.labelsize": 9, "ytick.labelsize": 9, "axes.labelsize": 10, "axes.titlesize": 12,
 }
@@ -233,8 +234,8 @@ def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
         for body, (wall, r, place) in enumerate(zip(scene.is_wall, radius, along.T, strict=True)):
             drawn = axis.plot(*([-BALL_RADIUS, BALL_RADIUS], [0.0, 0.0])[::step], color=INK_COLOUR, lw=2) if wall else [
                 axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4)),
-                axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, ha="center", va="center",
-                          clip_on=True),
+                axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, family=FONT_FAMILY,
+                          ha="center", va="center", clip_on=True),
             ]
             page.moving += [(artist, np.stack([0.0 * place, place][::step], 1)) for artist in drawn]
 
