@@ -71,12 +71,17 @@ def opening(pair: Record, walls: Walls) -> float:
 @rare
 @kernel
 def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the rate (m/s, not positive) of a pair at its next hit on a driven wall."""
+    """Return the rate (m/s) of a pair at its next hit on a driven wall.
+
+    It is positive only if the wall's velocity jumps away from the ball at the hit.
+    """
     side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
     t, tail = side.epoch, side.low + pair.at
     _, w = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait)
     if w >= 0.0 and pair.wait > 0.0:  # The wall velocity jumps at the hit: take the rate just after the jump.
         _, w = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
+        if w > 0.0 and w * w > lower.noise + upper.noise:
+            return w
     if w >= 0.0 and pair.gap == 0.0:
         w = -rate  # The next bounce is too short for the resolution of the clock.
     return min(w, 0.0)
