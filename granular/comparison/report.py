@@ -44,7 +44,7 @@ Aerographene has 0.16 and osmium 22 590 kg/m³, and diamond 18 000 m/s. The spee
 soft balls have deep overlaps, which are reported.
 """
 MEASURE_FORMATS = {
-    "error": f"error = {{error:.3g}} of the fastest impact (hard spheres are valid up to {ERROR_LIMIT:g})",
+    "error": f"error = {{error:.3g}} of the fastest impact{{unit}} (hard spheres are valid up to {ERROR_LIMIT:g})",
     "shared_impulse": "share of the impulse during a neighbouring contact  φ = {shared_impulse:.4g}",
     "floor_share": "share of the floor's impulse with a load on ball 1    = {floor_share:.4g}",
     "crowding": "share of events with a neighbour within t_c         p = {crowding:.4g}",
@@ -81,7 +81,7 @@ def text(report: ComparisonWithAnswer) -> str:
             *_deciding_lines(report),
             *_pair_lines(report, SHORT_PAIR_COUNT),
             *_end_lines(report),
-            *_format_known(MEASURE_FORMATS, {"error": report.error}),
+            *_format_known(MEASURE_FORMATS, _error_values(report)),
             *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
             DETAILS_HINT,
         ]
@@ -99,7 +99,7 @@ def details(report: ComparisonWithAnswer) -> str:
         *_pair_lines(report, FULL_PAIR_COUNT, speeds=True),
         *_end_lines(report), *_energy_lines(report), "",
         *_format_known(
-            MEASURE_FORMATS, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
+            MEASURE_FORMATS, _error_values(report) | report.measures | {"floor_share": floor_share(report)}),
         "groups: " + ", ".join(_format_known(GROUP_FORMATS, report.groups)),
         *(f"warning: {w}" for w in warnings(report)),
     ])
@@ -332,7 +332,7 @@ def _pair_lines(report: ComparisonWithAnswer, limit: int, speeds: bool = False) 
     for p in shown:
         yield _table_line(f"contacts of pair {name(p.pair)}", p.hard_contacts, p.soft_contacts)
         if speeds:
-            yield _table_line(f"v_rel′ pair {name(p.pair)}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
+            yield _table_line(f"v_r′ of pair {name(p.pair)}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
                               "  still in contact at the stop" if p.ongoing else _neighbour_mark(report, p))
     if hidden := len(report.pairs) - len(shown):
         yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
@@ -413,9 +413,8 @@ def _reason_lines(report: ComparisonWithAnswer) -> Iterator[str]:
 def _overlap_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield the reason for overlapping contacts, with up to four overlaps."""
     shared, log = report.overlaps, report.counted[1].contacts
-    subject = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"
-    first = "; the first" * (len(shared) > 1)
-    yield f"Why: {subject} in time with a contact of a neighbouring pair{first}:"
+    count = len({row for o in shared for row in (o.lower, o.upper)})
+    yield f"Why: {count} contacts of neighbouring pairs overlap in time{'; the first two' * (len(shared) > 1)}:"
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
         lower, upper = (report.scene.pairs.name(int(row["pair"])) for row in (below, above))
@@ -425,7 +424,13 @@ def _overlap_lines(report: ComparisonWithAnswer) -> Iterator[str]:
         )
 
 
-def _format_known(formats: dict[str, str], values: dict[str, float]) -> list[str]:
+def _error_values(report: ComparisonWithAnswer) -> dict[str, Any]:
+    """Return the error, and its unit as text. The unit is left out if the error is 0."""
+    unit = f", {float(report.units[report.errors.argmax()]):.3g} m/s" if report.error > 0.0 else ""
+    return {"error": report.error, "unit": unit}
+
+
+def _format_known(formats: dict[str, str], values: dict[str, Any]) -> list[str]:
     """Format all texts whose values are not nan.
 
     Parameters

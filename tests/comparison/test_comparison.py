@@ -69,7 +69,7 @@ def test_what_cannot_be_predicted_is_told_from_a_wrong_model(report):
 def test_table_reads_well(report):
     text = report.details()
     for line in ("hard spheres   soft spheres", "contacts of pair 1–2                    1              4",
-                 "Why: 4 contacts overlap in time", "φ = 0.14"):
+                 "Why: 5 contacts of neighbouring pairs overlap in time", "φ = 0.14"):
         assert line in text
     assert max(map(len, text.splitlines())) <= 120
     assert text.splitlines()[0] == str(report).splitlines()[0] == report.verdict
@@ -126,7 +126,7 @@ def test_pairs_that_are_shown_in_details_differ_most(seed):
         assert all(far[c] >= far[d] for c in group & shown for d in group - shown if far[d] == far[d])
     soft = report.continued[1]
     for p in (report.pairs[c] for c in shown):
-        (line,) = (line for line in text.splitlines() if line.startswith(f"v_rel′ pair {p.pair}–{p.pair + 1},"))
+        (line,) = (line for line in text.splitlines() if line.startswith(f"v_r′ of pair {p.pair}–{p.pair + 1},"))
         beside = [row for c in (p.pair - 1, p.pair + 1) for row in soft.of(c)]
         running = any(row["t_begin"] < p.soft_t_f and not row["t_end"] <= p.soft_t_f for row in beside)
         assert running == ("in contact" in line)
@@ -138,7 +138,7 @@ def test_short_report_shows_the_ball_and_the_episode_that_decide(report):
     assert "v_rel" not in text
     assert "ball 2 leaves, m/s                5.91043        2.28181  error 68 %\n" in text
     assert "at t, s                       0.319294209    0.320000487  episode 0, 5 contacts\n" in text
-    assert "v_rel′ pair 1–2, m/s              3.72719       0.177282  pair floor–1 in contact\n" in report.details()
+    assert "v_r′ of pair 1–2, m/s             3.72719       0.177282  pair floor–1 in contact\n" in report.details()
     assert report.to_dict()["deciding"]["hard_velocity"] == one.hard_velocity
 
 

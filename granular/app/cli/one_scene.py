@@ -106,7 +106,7 @@ class Compare(Command):
                      json="write every number of the report")
         parser.add_argument("--remedies", action="store_true", help="compare the remedies for inelastic "
                             "collapse with the soft spheres")
-        add_until_option(parser)
+        add_until_option(parser, force=False)
         parser.add_argument("-v", "--verbose", action="store_true", help="print the full report")
         return [option for option in options_from(gr.compare) if option.name != "rule"]
 

@@ -161,11 +161,12 @@ def case_of(parsed: argparse.Namespace) -> cases.Case:
     return replace(case, until=stop_condition(condition, case.scene))
 
 
-def add_until_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option --until."""
+def add_until_option(parser: argparse.ArgumentParser, force: bool = True) -> None:
+    """Add the option --until. `force` tells whether a contact force can end the run."""
+    of_force = "type=force pair=0 above=1e3 (N, soft spheres only); " if force else ""
     parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
                         type=lambda text: UNTIL_SEPARATED if text.strip() == UNTIL_SEPARATED else _parse_entry(text),
-                        help="stop condition: pair=0 nth=2 (a contact); type=force pair=0 above=1e3 (N); type=speed "
+                        help=f"stop condition: pair=0 nth=2 (a contact); {of_force}type=speed "
                              "ball=2 above=1.5 (m/s); type=position ball=2 above=0.8 (m; or below=); separated")
 
 
