@@ -140,7 +140,7 @@ DATA_ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": 
                  "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
                  "waves": Entry(waves, absolute=1e-6)}
 TIMES_ONLY = {"edmd-scaling"}
-"""Figures of run times, whose stored data depend on the machine and are not compared."""
+"""Figures of run times. Their stored data depend on the machine."""
 
 
 def store(name: str, data: Any = None) -> None:

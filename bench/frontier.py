@@ -71,12 +71,9 @@ SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸�
 def section(name: str, title: str, report: Frontier) -> str:
     """Section of the page about one scene: figure, caption, table and orders."""
     truth = report.reference
-    machine = report.machine
-    caption = (f"Errors against run time for {len(truth.contacts)} contacts, *(a)* of the velocities after the last "
-               f"contacts, *(b)* of onset and end of all contacts. Laws: `{laws(report)}`. Error of the reference: "
+    caption = (f"{len(truth.contacts)} contacts, `{laws(report)}`. Error of the reference: "
                f"{scientific_notation(truth.velocity_error)}. Rounding level: "
-               f"{scientific_notation(report.rounding_level)}. {machine.get('processor')}, Python "
-               f"{machine.get('python')}, SciPy {machine.get('scipy')}, numba {machine.get('numba')}.")
+               f"{scientific_notation(report.rounding_level)}.")
     lines = [
         f"## {title}", "",
         ":::{figure-md}", f"![{ALT_TEXT}: {title}](../figures/frontier-{name}.png)", "", caption, ":::", "",

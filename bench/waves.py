@@ -18,7 +18,7 @@ from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, SOFT_COLOUR, add
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
 CHAIN_LAW, COMPRESSION_FORCE, MASS_RATIO = gr.Hertz(9.75758e9), 20.0, 0.5
 THEORY_COLOUR = "#c8963e"
-"""Colour of closed forms. Orange stands for hard spheres, which have no such waves."""
+"""Colour of closed forms, because orange stands for hard spheres."""
 SAMPLES_PER_PERIOD = 8
 """Samples per period of the highest frequency."""
 

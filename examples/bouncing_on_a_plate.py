@@ -17,7 +17,7 @@ print(f"hard spheres: one bounce per period from Γ = {once:.4f}, period doublin
 plt.style.use("granular.journal")
 figure, axes = plt.subplots(1, 3, figsize=(7, 2.5), sharey=True, layout="constrained")
 end = gr.until.contact(pair=0, nth=600)
-for axis, gamma in zip(axes, (1.50, 1.525, 1.54), strict=True):
+for axis, letter, gamma in zip(axes, "abc", (1.50, 1.525, 1.54), strict=True):
     plate = gr.walls.Sine.from_acceleration(gamma, omega / (2.0 * math.pi), g, phase=math.acos(once / gamma))
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [0.01 * plate.amplitude], [0.0, math.pi * g / omega], g, floor=plate)
     law = gr.LinearDashpot.from_restitution(eps, k=(ratio * omega) ** 2, pair=scene.pairs[0])
@@ -28,9 +28,7 @@ for axis, gamma in zip(axes, (1.50, 1.525, 1.54), strict=True):
     print(f"Γ = {gamma}: period {periods[0]} of hard spheres, {periods[1]} of soft spheres with ω₀ = {ratio:g} ω")
     for phase, name, colour, mark in zip(phases, ("hard", "soft"), ("#c1440e", "#1f4e79"), "o.", strict=True):
         axis.plot(phase[-40:], mark, color=colour, mfc="none", label=name)
-    axis.set(title=f"Γ = {gamma}", xlabel="last bounces")
+    axis.set(title=f"({letter}) Γ = {gamma}", xlabel="last bounces")
 axes[0].set_ylabel("phase of the plate (turns)")
-for axis, letter in zip(axes, "abc", strict=True):
-    axis.set_title(f"({letter})", loc="left")
 figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
 figure.savefig("bouncing_on_a_plate.png")

@@ -21,12 +21,10 @@ for name, law in (("linear", gr.LinearDashpot(k=1e9, gamma=0.0)), ("Hertz", gr.H
 
 plt.style.use("granular.journal")
 figure, axes = plt.subplots(1, len(answers), figsize=(7, 2), sharey=True, layout="constrained")
-for axis, (name, speeds) in zip(axes, answers.items(), strict=True):
+for axis, letter, (name, speeds) in zip(axes, "abcdefg", answers.items(), strict=True):
     axis.bar((1, 2, 3), speeds, color="#1f4e79" if name in ("linear", "Hertz") else "#c1440e")
     axis.axhline(0.0, color="black", lw=0.8)
-    axis.set(title=name, xticks=(1, 2, 3))
-for axis, letter in zip(axes, "abcdefg", strict=True):
-    axis.set_title(f"({letter})", loc="left")
+    axis.set(title=f"({letter}) {name}", xticks=(1, 2, 3))
 figure.supylabel("speed / striker's speed")
 figure.supxlabel("ball")
 figure.savefig("newtons_cradle.png")

@@ -65,7 +65,8 @@ if __name__ == "__main__":
                 axes[0].plot(place + 0.18 * (turn - 1.5), n, "s", color=STATUS_COLOURS[name], ms=4)
     for name, colour in STATUS_COLOURS.items():
         axes[0].plot([], [], "s", color=colour, ms=4, label=name)
-    axes[0].set(xticks=range(6), xticklabels=("−3", "−1", "−0.1", "+0.1", "+1", "+3"), ylim=(2.5, 8.5), ylabel="balls")
+    axes[0].set_xticks(range(6), ("−3", "−1", "−0.1", "+0.1", "+1", "+3"))
+    axes[0].set(title="(a)", ylim=(2.5, 8.5), ylabel="balls")
     axes[0].axvline(2.5, color="black", lw=1.0, ls="--")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     above = np.geomspace(3e-3, 0.3, 15)
@@ -73,9 +74,7 @@ if __name__ == "__main__":
         counts = [run_to_end(n, beyond, 0)[1] for beyond in above]
         axes[1].loglog(100.0 * above, counts, "o", color=colour, ms=4, label=f"{n} balls")
     axes[1].loglog(100.0 * above, three_ball_collisions(above), color="#1f4e79", label="2π/θ")
-    axes[1].set(xticks=(1, 10), xticklabels=(1, 10), ylabel="collisions until separation")
+    axes[1].set(title="(b)", xticks=(1, 10), xticklabels=(1, 10), ylabel="collisions until separation")
     axes[1].legend()
     figure.supxlabel("ε above the formula (%)")
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("collapse.png")

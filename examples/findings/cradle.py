@@ -63,15 +63,13 @@ if __name__ == "__main__":
     for speed, line, colour in zip((1.0, IMPACT_SPEED), ("--", "-"), blue[::-1], strict=True):
         fourth = [speeds_after_impact(gap, speed)[3] for gap in gaps]
         axes[0].semilogx(1e6 * gaps, fourth, line, color=colour, label=f"{speed:g} m/s")
-    axes[0].set(xlabel="gaps between steel balls (µm)", ylabel="speed of the fourth ball / striker")
+    axes[0].set(title="(a)", xlabel="gaps between steel balls (µm)", ylabel="speed of the fourth ball / striker")
     for gap, colour in zip((0.0, 1e-6, 1e-5), (*blue, "#c8963e"), strict=True):
         name = f"soft, gaps {1e6 * gap:.0f} µm"
         axes[1].plot(np.arange(0, 20.5, 0.5), swing_energy(gap, 20), color=colour, label=name)
     axes[1].plot(np.arange(0, 20.5, 0.5), swing_energy(0.0, 20, gr.edmd), ":", color="#c1440e", label="hard")
-    axes[1].set(xlabel="periods", ylabel="energy / initial energy", ylim=(0.0, 1.02))
+    axes[1].set(title="(b)", xlabel="periods", ylabel="energy / initial energy", ylim=(0.0, 1.02))
     for axis in axes:
         axis.set_xticks(*(((0.1, 1, 10), ("0.1", "1", "10")) if axis is axes[0] else (range(0, 21, 5),)))
         axis.legend()
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("cradle.png")

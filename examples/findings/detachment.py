@@ -63,11 +63,9 @@ if __name__ == "__main__":
         axes[1].errorbar(apart, of_drawn[:, :, column].mean(axis=1), error, color=colour, fmt=mark + "-")
     for text, *place in (("soft spheres", 0.035, 0.7), ("TC model", 0.45, 1.01), ("hard spheres", 0.035, 0.03)):
         axes[0].text(*place, text, color=MODEL_COLOURS[text])
-    axes[0].set(title="equal gaps $s_0$", ylabel="energy left, $E/E_0$", ylim=(0.0, 1.08))
-    axes[1].set(title="random gaps, mean $s_0$")
+    axes[0].set(title="(a) equal gaps $s_0$", ylabel="energy left, $E/E_0$", ylim=(0.0, 1.08))
+    axes[1].set(title="(b) random gaps, mean $s_0$")
     axes[1].tick_params(labelleft=True)
     plt.setp(axes, xscale="log", xticks=(0.1, 1.0, 10.0), xticklabels=("0.1", "1", "10"))
     figure.supxlabel("gap, $s_0/(v\\,t_c)$")
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("detachment.png")

@@ -56,7 +56,7 @@ def front(run):
 if __name__ == "__main__":
     plt.style.use("granular.journal")
     figure, axes = plt.subplots(1, 3, figsize=(7, 2.7), layout="constrained")
-    for axis, ratio in zip(axes, (2.0, MAGIC_RATIOS[2]), strict=False):
+    for axis, letter, ratio in zip(axes, "ab", (2.0, MAGIC_RATIOS[2]), strict=False):
         run = hard_run(ratio, 401, until=gr.until.contact(399))
         delta = np.polyfit(np.log(front(run)[0][20:]), np.log(np.arange(41, 400, 2)), 1)[0]
         print(f"hard, m/μ = {ratio:.3f}: exponent {delta:.4f}, {np.sum(abs(run.velocity[-1]) > 1e-9)} balls moving")
@@ -64,16 +64,14 @@ if __name__ == "__main__":
         paths = few.position[:, :1] - few.position[0, 0] + np.cumsum(np.pad(few.gap, [(0, 0), (1, 0)]), axis=1)
         axis.plot(few.time, paths[:, 1::2], color="#c8963e", lw=1.5)
         axis.plot(few.time, paths[:, ::2], color="#c1440e", lw=1.5)
-        axis.set(title=f"hard, m/μ = {ratio:.4g}", xlabel="time (d/v)", ylabel="place (d)", ylim=(-1.5, 13.5))
+        axis.set(title=f"({letter}) hard, m/μ = {ratio:.4g}", xlabel="time (d/v)", ylabel="place (d)", ylim=(-1.5, 14))
     for name, (law, line) in SOFT_LAWS.items():
         ends, softness = [isolation_limit(law, k) for k in (2, 3)], np.linspace(0.1, 1.0, 19)
         print(f"soft, {name}: isolated up to v t_c/d = {ends[0]:.6f} (k = 2), {ends[1]:.6f} (k = 3)")
         speed = [front(soft_run(law, 2, x, 25))[1][-1] for x in softness]
         axes[2].plot(softness, speed, line, color="#1f4e79", lw=1.5, label=name)
     axes[2].text(0.1, 0.93, "all contacts\nisolated", color="#1f4e79")
-    axes[2].set(title="soft, m/μ = 4.236", xlabel="duration of a contact (d/v)", ylabel="speed of the front ball (v)",
+    axes[2].set(title="(c) soft, m/μ = 4.236", xlabel="contact duration (d/v)", ylabel="speed of the front ball (v)",
                 ylim=(0.62, 1.04))
     axes[2].legend(frameon=False, loc="lower left")
-    for axis, letter in zip(axes, "abc", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("domino.png")

@@ -67,10 +67,8 @@ if __name__ == "__main__":
     axes[0].axhline(hard_share(1.0, LAST_MASS), color="black", lw=1.0, ls="--")
     axes[0].text(0.038, 0.127, "no ball between")
     axes[0].axvline(LAST_MASS**0.5, color="black", lw=1.0, ls=":")
-    axes[0].set(xlabel="mass of the ball between (kg)", ylabel="energy share of the last ball")
+    axes[0].set(title="(a)", xlabel="mass of the ball between (kg)", ylabel="energy share of the last ball")
     axes[0].set_xticks([LAST_MASS, 0.1, LAST_MASS**0.5, 1.0], ["1/27", "0.1", "0.19", "1"])
-    axes[1].set(xlabel="balls in a row, geometric masses")
+    axes[1].set(title="(b)", xlabel="balls in a row, geometric masses", ylabel="energy share of the last ball")
     axes[1].legend(frameon=False)
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("kerwin.png")

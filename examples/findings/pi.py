@@ -65,13 +65,11 @@ if __name__ == "__main__":
     for k, colour, name in zip(STIFFNESSES, ("#bcd3ea", "#8fb4d9", "#4f81b0", "#1f4e79"), "²⁴⁶⁸", strict=True):
         counts = [collision_count(d, k)[0] for d in digits]
         axes[0].loglog(100.0**digits, counts, color=colour, label=f"soft, k = 10{name} N/m")
-    axes[0].set(xlabel="mass ratio M/m", ylabel="collisions", ylim=(2.0, 6e3))
+    axes[0].set(title="(a)", xlabel="mass ratio M/m", ylabel="collisions", ylim=(2.0, 6e3))
     axes[0].legend(loc="upper left")
     counts, limits = [collision_count(3, k)[0] for k in STIFFNESSES], [contact_limit(k) for k in STIFFNESSES]
     axes[1].loglog(STIFFNESSES, counts, "o", color="#1f4e79", ms=5, label="soft, M/m = 10⁶")
     axes[1].loglog(STIFFNESSES, limits, color="#c8963e", label="2.656 √(x₀ ω/V)", zorder=0)
-    axes[1].set(xlabel="stiffness k (N/m)", ylabel="largest number of contacts")
+    axes[1].set(title="(b)", xlabel="stiffness k (N/m)", ylabel="largest number of contacts")
     axes[1].legend()
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("pi.png")

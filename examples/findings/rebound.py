@@ -66,14 +66,12 @@ if __name__ == "__main__":
     axes[0].semilogx(mu, textbook_speeds(mu)[1], color="#c1440e", label="hard, upper")
     for law, line in zip(SOFT_LAWS, ("-", "--"), strict=True):
         axes[0].semilogx(mu, [touching_speeds(m, law)[1] for m in mu], line, color="#1f4e79", label=f"{law}, touching")
-    axes[0].set(xlabel="upper mass / lower mass", ylabel="speed of the upper ball / fall")
+    axes[0].set(title="(a)", xlabel="upper mass / lower mass", ylabel="speed of the upper ball / fall")
     for nth, colour in enumerate(("#1f4e79", "#6f9fc8")):
         speeds = [bounces(gap)[nth][0] for gap in gaps]
         axes[1].semilogx(1e3 * gaps, speeds, ("-", ".")[nth], color=colour, ms=3, label=f"soft, bounce {nth + 1}")
     axes[1].semilogx(1e3 * gaps, [bounces(gap, gr.edmd)[0][0] for gap in gaps], color="#c1440e", label="hard, bounce 1")
-    axes[1].set(xlabel="gap between the balls (mm)", ylabel="speed of the table-tennis ball / fall", ylim=(0.0, 2.6))
+    axes[1].set(title="(b)", xlabel="gap between balls (mm)", ylabel="speed of the upper ball / fall", ylim=(0.0, 2.6))
     for axis, place in zip(axes, ("lower left", "lower right"), strict=True):
         axis.legend(loc=place)
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("rebound.png")

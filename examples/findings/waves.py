@@ -67,14 +67,12 @@ if __name__ == "__main__":
     for n, colour, line in ((40, "#1f4e79", "-"), (41, "#c8963e", "--")):
         time, push = quarter_force(n)
         axes[0].semilogy(1e3 * time, np.maximum(push, 1e-3) / push.max(), line, color=colour, label=f"{n} beads")
-    axes[0].set(xlabel="time (ms)", ylabel="force at a quarter / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
+    axes[0].set(title="(a)", xlabel="time (ms)", ylabel="force at a quarter / peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
     axes[0].text(9.9, 0.045, "secondary waves")
     axes[0].legend(loc="upper right", ncols=2)
     for engine, c, name, many, mark in ((gr.edmd, "#c1440e", "hard", 301, "-"), (gr.md, "#1f4e79", "soft", 15, "o-")):
         masses = np.geomspace(0.05, 20.0, many)
         axes[1].loglog(masses, [intruder_outcome(mu, engine)[0] for mu in masses], mark, color=c, label=name)
-    axes[1].set(xlabel="mass of the intruder / of the others", ylabel="share of energy sent back", ylim=(1e-3, 1.0))
+    axes[1].set(title="(b)", xlabel="mass of the intruder / of the others", ylabel="energy sent back", ylim=(1e-3, 1.0))
     axes[1].legend(loc="upper left")
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left")
     figure.savefig("waves.png")

@@ -131,7 +131,7 @@ def with_unit(text: str, units: str, between: str = ", ") -> str:
 
 
 def axis_label(text: str, units: str) -> str:
-    """Return the label of an axis with its unit, such as "v (m/s)". `units` is as in `with_unit`."""
+    """Return the label of an axis with its unit, such as "v (m/s)"."""
     return with_unit(text, units, " (") + ")" * (units not in ("", "1"))
 
 
@@ -248,7 +248,7 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Set matplotlib to the style of printed figures, as a context manager or a decorator."""
+    """Context manager and decorator that sets the style of printed figures."""
     with import_optional("matplotlib.style", "plot").context("granular.journal"):
         yield
 

@@ -15,7 +15,7 @@ from granular._engine.reports import COLUMN_WIDTH, canvas, style, unit_of
 from granular.run.trajectory import Trajectory
 
 PICTURE_LABELS = {"force": ("contact", "force", "N"), "velocity": ("ball", "velocity", "m/s")}
-"""Labels of the vertical axis and of the colour bar, and its unit, for each quantity to draw."""
+"""Labels of the vertical axis and of the colour bar, and the unit of the bar."""
 ROUNDING_FORCE_RATIO = 1e-13
 """Largest rounding error of a force, relative to the largest force of the run."""
 
