@@ -72,8 +72,7 @@ if __name__ == "__main__":
         run = box(3e-4, {}, start=500.0, end=515.0).simulate(engine)
         axes[place].plot(run.time - 500.0, run.position[:, 2:-1], color=colour, lw=0.8)
         axes[place].plot(run.time - 500.0, run.position[:, 1], color="black", lw=1.5)
-        axes[place].set(title=f"({place}) {name}", xlabel="time (s)", xlim=(0, 15))
-        axes[place].set_yticks((0, 1), ("hot", "elastic"))
+        axes[place].set(title=f"({place}) {name}", xlabel="time (s)", yticks=(0, 1), yticklabels=("hot", "elastic"))
     named = ("-", 0.77, "hard, no remedy"), (":", 1.1, "hard, elastic below 0.01 m/s"), ("--", 1.1, "hard, merged")
     for (style, place, name), one in zip(named, found, strict=False):
         axes["c"].axhline(one.quantities[0].means[0], color="#c1440e", ls=style)
@@ -81,7 +80,6 @@ if __name__ == "__main__":
     for which, name, colour in ((0, "TC model", "#c8963e"), (1, "soft", "#1f4e79")):
         means = [(one.quantities[0].means[which], one.quantities[0].errors[which]) for one in found[3:]]
         axes["c"].errorbar([lasts for lasts, _ in cases[3:]], *np.array(means).T, fmt="o-", color=colour, label=name)
-    axes["c"].loglog()
-    axes["c"].set(title="(c)", xlabel="duration of a contact (s)", ylabel="spread (m)", ylim=(1e-3, 0.4))
+    axes["c"].set(title="(c)", xscale="log", yscale="log", xlabel="contact duration (s)", ylabel="spread (m)")
     axes["c"].legend()
     figure.savefig("clumps.png")

@@ -54,7 +54,7 @@ def three_ball_collisions(beyond):
 
 
 if __name__ == "__main__":
-    steps = (-0.03, -0.01, -0.001, 0.001, 0.01, 0.03)
+    steps, above = (-0.03, -0.01, -0.001, 0.001, 0.01, 0.03), np.geomspace(3e-3, 0.3, 15)
     plt.style.use("granular.journal")
     figure, axes = plt.subplots(1, 2, figsize=(7, 2.9), layout="constrained")
     for n in range(3, 9):
@@ -65,11 +65,10 @@ if __name__ == "__main__":
                 axes[0].plot(place + 0.18 * (turn - 1.5), n, "s", color=STATUS_COLOURS[name], ms=4)
     for name, colour in STATUS_COLOURS.items():
         axes[0].plot([], [], "s", color=colour, ms=4, label=name)
-    axes[0].set_xticks(range(6), ("−3", "−1", "−0.1", "+0.1", "+1", "+3"))
-    axes[0].set(title="(a)", ylim=(2.5, 8.5), ylabel="balls")
+    labels = ("−3", "−1", "−0.1", "+0.1", "+1", "+3")
+    axes[0].set(title="(a)", xticks=range(6), xticklabels=labels, ylim=(2.5, 8.5), ylabel="balls")
     axes[0].axvline(2.5, color="black", lw=1.0, ls="--")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-    above = np.geomspace(3e-3, 0.3, 15)
     for n, colour in ((8, "#c8963e"), (4, "#6f9fc8"), (3, "#1f4e79")):
         counts = [run_to_end(n, beyond, 0)[1] for beyond in above]
         axes[1].loglog(100.0 * above, counts, "o", color=colour, ms=4, label=f"{n} balls")
