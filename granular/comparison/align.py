@@ -286,7 +286,7 @@ def _continue_run(run: Trajectory, end: float, options: Mapping[str, Any]) -> Tr
 
 
 def _flies_until(run: Trajectory, end: float) -> bool:
-    """Whether no balls of a run can touch after its last sample before the time `end` in s.
+    """Whether no balls touch after the last sample before the time `end` in s.
 
     In free flight the gap of a pair is concave in time, gap + rate·T - a T²/2 with the closing acceleration a ≥ 0. If
     it is not negative at the last sample and positive at `end`, the pair does not touch in between. Scenes with a
