@@ -60,7 +60,11 @@ def _reported(callback: ProgressCallback | None, things: str, end: float, start:
     begin = last = time.monotonic()
 
     def report(reached: float, count: int) -> None:
-        """Show progress on the bar or on stderr, and call the callback."""
+        """Show the progress, and call the callback of the user.
+
+        `reached` is the time of a run in s, or the finished fraction of other work. `count` is the number of `things`
+        done. The progress is shown on the bar, or without a bar as a line on stderr every `LINE_INTERVAL`.
+        """
         nonlocal last
         fraction, now = (reached - start) / (end - start) if end > start else 0.0, time.monotonic()
         text = f"t = {reached:.6g} s, " * (things == "contacts") + f"{count} {things}"

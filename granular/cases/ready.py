@@ -152,9 +152,10 @@ class Template:
 
 
 def fall_time(count: float, scene: Scene) -> float | None:
-    """Return the end time in s after `count` times v/g.
+    """Return the default end time of a fall in s: `count` times v/g.
 
-    v is `first_impact_speed`. The result is None without gravity, or if no pair collides.
+    v is `first_impact_speed`. A ball that starts at rest falls for about v/g, and a ball thrown up with v rises
+    for v/g. The result is None without gravity, or if no pair collides.
     """
     return (count * first_impact_speed(scene) / scene.gravity or None) if scene.gravity else None
 

@@ -180,11 +180,12 @@ def keep_first_contacts(run: Trajectory, max_counts: Array) -> Trajectory:
 
 
 def _latest_onsets(hard: Trajectory, soft: Trajectory, needed_counts: Any) -> Array:
-    """Latest allowed onset in s of a missing contact of each pair, (2, n-1).
+    """Latest onset in s at which a missing contact of a pair still counts, (2, n-1).
 
-    Row 0 is for the hard run, row 1 for the soft run. If a pair has fewer contacts than in the other run, the lag of
-    the missing contact is added to the end of the run. Otherwise the value is the end of the run. Pairs at rest are
-    treated as described in `equalize_counts`.
+    Row 0 is for the hard run, row 1 for the soft run. The value is the end of the run. If the pair has fewer contacts
+    in this run than `needed_counts`, the lag of `allowed_delay` is added, for the approach speed of the pair's last
+    contact in the other run. Nothing is added in row 0 for the two kinds of pairs that do not wait for a missing
+    contact, see `equalize_counts`.
 
     Parameters
     ----------
@@ -225,10 +226,11 @@ def allowed_delay(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], 
 
 
 def _pairs_bouncing_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[int]:
-    """Return the pairs that rest in one run and bounce ever lower in the other run.
+    """Return the pairs that rest at the end of `run` and bounce ever lower in `other`.
 
-    A pair is returned if none of the contacts that `run` lacks is faster than its last contact in `run`, or than
-    contacts of balls that settle.
+    The missing contacts of a pair are its contacts in `other` beyond the number of its contacts in `run`. The pair is
+    returned if none of their approach speeds exceeds the larger of two speeds: the approach speed of the pair's last
+    contact in `run`, and the speed v_g that weight gives a ball during a contact (`Components.weight`).
 
     Parameters
     ----------

@@ -118,14 +118,15 @@ class Story:
                 for name, times in self.acts.items() for k in range(len(times))]
 
     def page(self, panels: dict[str, float], width: float) -> Page:
-        """Return an empty page with stages for the balls of both engines, and panels.
+        """Return an empty page: one stage of balls per engine, and panels for charts.
 
         Parameters
         ----------
         panels : dict
-            Name and relative height of each panel.
+            Name and relative height of each panel. Ignored without charts.
         width : float
-            Width of the panels relative to one stage, if balls fall and the panels are next to the stages.
+            Width of the panels relative to one stage. It is only used in scenes with gravity, where the panels are next
+            to the stages. In other scenes the panels are below the stages.
         """
         report = self.view.report
         titles = (report.verdict, parameters(report)) if self.charts else ("", "")

@@ -1,12 +1,12 @@
 """Quantities of a comparison that need further runs.
 
-They are the effective ε of hard spheres, the heights and times of apexes (defined as in
-granular/app/page/physics/apex.mjs), the fraction of the floor's impulse during contacts above, and the difference
-between a run of another program and both engines.
+They are the effective ε of hard spheres, heights and times of apexes, the fraction of the impulse on the floor that is
+exchanged while balls 1 and 2 touch each other, and the difference between a run of another program and both engines.
 
-A ball rises to the first apex of its free flight after a contact. Only contacts after a given contact with the floor
-are considered. All collisions before the apex are included, and a run that stops earlier is continued. A ball that
-comes to rest instead rises to 0.
+The apex of a ball is the first highest point of a flight that it reaches before its next contact. With a bounce number
+above 1, only flights after that contact with the floor count. If the run stops before the apex, it is continued, with
+all further collisions. A ball that comes to rest first has the height 0. (granular/app/page/physics/apex.mjs has the
+same definition.)
 """
 
 from __future__ import annotations

@@ -227,20 +227,21 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     (largest Δh·ω₀/v), "gravity_over_omega_speed" (g/(ω₀ v)), "shaking" (Γ = A ω²/g) and "shaking_omega" (ω/ω₀ of the
     contact with the wall). Here ω₀ = √(∂F/∂ξ / m_eff) at the overlap expected for this speed.
 
-    Δh·ω₀/v compares a gap between balls with the duration of the slower neighbouring contact, which ends before the
-    gap has closed for values above about π. g/(ω₀ v) compares gravity with the contact force. The last two groups are
-    the larger values of the harmonically shaken walls, and nan without such a wall. Values are also nan if the balls
-    do not meet.
+    Δh·ω₀/v compares the time Δh/v in which a gap between two balls closes with the duration π/ω₀ of a contact. ω₀ is
+    the value of the slower neighbouring pair, whose contact ends before the gap has closed for values above about π.
+    g/(ω₀ v) compares gravity with the contact force. The last two groups are the larger values of the harmonically
+    shaken walls, and nan without such a wall. Values are also nan if the balls do not meet.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
     speed = speed if isinstance(speed, float) and math.isnan(speed) else check.number("speed", speed, at_least=0.0)
     slope = resolved(laws, scene).column(lambda law: law.impact_stiffness(speed))
     omega = np.sqrt(slope / scene.pairs.m_eff)
-    slower = np.full(scene.n_pairs, math.inf) if len(below) else omega
-    slower[above] = omega[below]
-    slower[below] = np.minimum(slower[below], omega[above])
+    # lowest ω₀ of the pairs next to each pair
+    slower_omega = np.full(scene.n_pairs, math.inf) if len(below) else omega
+    slower_omega[above] = omega[below]
+    slower_omega[below] = np.minimum(slower_omega[below], omega[above])
     inner = ~np.logical_or(*scene.sides(scene.is_wall))
-    gaps = scene.gap[inner] * slower[inner]
+    gaps = scene.gap[inner] * slower_omega[inner]
     return {
         "mass_ratio": float(m.max() / m.min()),
         "stiffness_ratio": float(slope.max() / slope.min()),
@@ -316,7 +317,8 @@ def height(run: Trajectory) -> Array:
     """Height h = Σ m s / Σ m in m of the centre of mass, radii subtracted, (T,).
 
     s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below. It is measured from the
-    initial position of body 0, which is the floor if there is one. Balls that lie on a floor have the height 0.
+    initial position of body 0, which is the floor if there is one. Balls that lie on a floor have the height 0
+    while the floor is at its initial position.
     """
     balls = ~run.scene.is_wall
     m = run.scene.mass[balls]

@@ -270,12 +270,13 @@ class Components:
         return np.asarray(np.bincount(self.of_ball, np.nan_to_num(of_balls), self.count + 1)[:-1], float)
 
     def weight(self, soft: Trajectory) -> Array:
-        """Speed v_g = a·t_c in m/s that a ball gains by weight during a contact, (n-1,).
+        """Speed v_g = a·t_c(v_g) in m/s that weight gives a ball in a contact, (n-1,).
 
-        a is the largest acceleration with which weight and constant forces close a gap of the component: g at a floor,
-        0 if all balls fall together. v_g is at most the speed gained in the whole run. The largest value in a
-        component is returned for all of its pairs. It is 0 for pairs that never touch.
+        a is the largest |closing acceleration| of a pair of the component by weight and constant forces: g at a floor
+        or ceiling, 0 if all balls fall together. v_g is at most a times the length of the run. All pairs of a component
+        get the largest v_g of its pairs, and pairs that never touch get 0.
         """
+        # `of_pair` is `count` for pairs that never touch: the appended 0
         closing = np.append(self.largest(np.abs(soft.scene.closing_acceleration)), 0.0)[self.of_pair]
         limit = closing * float(soft.time[-1] - soft.time[0])
         return np.asarray(np.append(self.largest(np.fmin(_sagging(soft, closing), limit)), 0.0)[self.of_pair])
@@ -284,16 +285,17 @@ class Components:
 def components(hard: Trajectory, soft: Trajectory) -> Components:
     """Divide the balls of two runs into components.
 
-    Two neighbouring pairs belong to the same component if both have a contact in either run.
+    Neighbouring pairs belong to the same component if each has a contact in at least one of the runs.
     """
     scene, touches = hard.scene, (counts(hard) + counts(soft)) > 0
+    # number the sequences of consecutive pairs with contacts: a pair counts only if the pair before has no contact
     of_pair = np.cumsum(touches) - 1
     of_pair[1:] -= np.cumsum(touches[1:] & touches[:-1])
     count = int(of_pair[-1]) + 1
-    if scene.ring and count > 1 and touches[0] and touches[-1]:  # they are one, around the ring
+    if scene.ring and count > 1 and touches[0] and touches[-1]:  # first and last are one component, around the ring
         count -= 1
         of_pair[of_pair == count] = 0
-    of_pair[~touches] = count
+    of_pair[~touches] = count  # the number `count` means: in no component
     of_ball = np.full(scene.n, count)
     for of_body in scene.bodies(np.flatnonzero(touches)):
         of_ball[of_body] = of_pair[touches]
@@ -318,7 +320,9 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components, weight: Array) 
 
 
 def _sagging(soft: Trajectory, acceleration: Array) -> Array:
-    """Speed v = a t_c(v) in m/s that a ball gains by a during a contact, (n-1,).
+    """Speed v in m/s that a ball gains by `acceleration` during a contact, (n-1,).
+
+    It is the solution of v = a·t_c(v), found by iteration. It is 0 where t_c is not finite.
 
     Parameters
     ----------
@@ -425,10 +429,11 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
 
 
 def without_weak_contacts(run: Trajectory, fastest: Array) -> Trajectory:
-    """Remove contacts of a run that are at rounding level.
+    """Return a run without the contacts that are at rounding level.
 
-    A contact is removed if its strength is at most `MIN_CONTACT_STRENGTH` times `fastest`. Otherwise balls that an
-    engine leaves with a relative speed of 1e-16 m/s would meet again after about 1e12 s.
+    The given run is not changed. A contact is left out if its strength (see `strengths`) is at most
+    `MIN_CONTACT_STRENGTH` times `fastest`. Such a contact is an artefact: balls that an engine leaves with a relative
+    speed of 1e-16 m/s meet again after about 1e12 s.
 
     Parameters
     ----------

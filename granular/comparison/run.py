@@ -147,12 +147,14 @@ class Comparison(ComparisonWithAnswer, Report):
     ) -> None:
         """Write a film of both engines side by side, for at most 60 balls.
 
-        The film of a fall has three parts, as on the teaching page. The fall is shown in real time and stops at the
-        floor. The contacts are shown in slow motion, with the factor. The flight is shown next to a ruler, in real
-        time unless it takes longer than 6 s. Every ball stops at its apex, which is marked with its height in m. The
-        height of the top ball is `rises`. If nothing falls, or if contacts and flights alternate, the whole film has
-        one time scale. Balls without gravity are drawn in a horizontal row. An enlarged view shows the distance of the
-        two balls that touch most often during a contact of a neighbouring pair.
+        The film of a fall has three parts, as on the teaching page. The fall (at most its last 6 s) is shown in real
+        time and stops at the floor. The contacts are shown in slow motion, and the slow-down factor is printed. The
+        flight is shown next to a ruler, in real time, or faster so that it takes 6 s. Every ball stops at its apex,
+        which is marked with its height in m. The height of the top ball is `rises`. Only the part with the contacts is
+        shown without gravity or without a floor, if walls exchange energy with the balls, if a run ended early, or if
+        the contacts would be slowed down by less than a factor of 10. Balls without gravity are drawn in a horizontal
+        row. If contacts of neighbouring pairs overlap in time, an enlarged view shows the distance between two balls:
+        the balls that touch most often in a group of such contacts.
 
         Parameters
         ----------

@@ -135,10 +135,11 @@ class TreeQueue(SortedQueue):
 
 
 def rows_by_time(rows: Any, sizes: list[int]) -> Any:
-    """Return the log rows of all blocks sorted by time, in chunks, or None.
+    """Return the log rows of all blocks sorted by time, as a list of chunks, or None.
 
-    `rows` are the rows block by block, and `sizes` the numbers of rows in each part. Rows of one part with equal times
-    keep their order. The result is None if rows of two parts have the same time, because their order is then unknown.
+    `rows` are the rows of one block after the other, and `sizes` the number of rows of each block. Rows of one block
+    with equal times keep their order. The result is None if rows of two blocks have the same time, because their order
+    is then unknown. A chunk has at most `TreeQueue.chunk` rows.
     """
     time = rows["t_begin"].copy()
     order = np.argsort(time)
@@ -146,8 +147,8 @@ def rows_by_time(rows: Any, sizes: list[int]) -> Any:
     is_equal = sorted_time[1:] == sorted_time[:-1]
     if is_equal.any():  # rare: a stable sort takes twice as long
         order = np.argsort(time, kind="stable")
-        part = np.repeat(np.arange(len(sizes)), sizes)[order]
-        if (part[1:] != part[:-1])[is_equal].any():
+        block = np.repeat(np.arange(len(sizes)), sizes)[order]
+        if (block[1:] != block[:-1])[is_equal].any():
             return None
     del time, sorted_time, is_equal
     return [as_bytes(rows)[order[k : k + TreeQueue.chunk]].view(LOG_ROW) for k in range(0, len(order), TreeQueue.chunk)]

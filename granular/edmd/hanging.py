@@ -85,7 +85,9 @@ def swing_together(
     lower, upper = total_mass(bodies, b, c), total_mass(bodies, c + 1, e)
     # A wall takes the whole change, and inf/inf is not a number.
     part = 1.0 if upper == math.inf else upper / (lower + upper)
+    # velocity changes: `up` ≤ 0 of the lower balls b … c, -`down` ≥ 0 of the upper balls c+1 … e, up + down = w
     up, down = part * w, w - part * w
+    # the gap of pendula depends on the record of the pair only, which stands in for the two bodies
     if b > 0:
         run.clamps += advance_pair(pairs[b - 1], pairs[b - 1], pairs[b - 1], now, walls)
         pairs[b - 1].rate += up

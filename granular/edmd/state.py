@@ -1,6 +1,6 @@
 """State of a hard-sphere run: all data needed to continue it bitwise identically.
 
-For epoch, tau, window and slice see `granular.edmd.motion`.
+For epoch, tau, window, slice and noise see `granular.edmd.motion`.
 """
 
 from __future__ import annotations
@@ -142,9 +142,11 @@ class State:
     def restored(cls, physics: Physics, saved: Mapping[str, Any]) -> State:
         """Return the state that `checkpoint` has saved, in this or an earlier release.
 
-        States saved before velocities had noise get zero noise. In such a state without walls, the velocities are
-        those at the epoch in the frame of the scene. They are converted to the frame that falls from the start of the
-        run. Raises `ValueError` if the state is inconsistent.
+        Entries that earlier releases did not save are completed. Without `noise` (bound of the rounding error of a
+        velocity, see `granular.edmd.motion`) the bound is 0, and in scenes without walls the velocities at the epoch
+        are converted from the frame of the scene to the frame that falls from the start of the run. With fewer
+        counters, and not on a ring, the velocity of the frame at the start is subtracted. Raises `ValueError` if the
+        state is inconsistent.
         """
         saved = {PRESENT_NAMES.get(name, name): value for name, value in saved.items()}
         check_numbers(saved, physics)
@@ -165,7 +167,7 @@ class State:
         state.scale(state.clock.speed)
         if len(saved["tally"]) < len(RUN_COUNTS) and not state.ring:  # saved in the frame of the scene
             state.bodies["fall_velocity"] -= state.clock.frame
-        # Saved before velocities had noise.
+        # Saved by a release without the bound of the rounding error of velocities.
         if "noise" not in saved:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:

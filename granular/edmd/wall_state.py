@@ -128,10 +128,11 @@ def at_walls(state: Any) -> list[tuple[int, int]]:
 
 
 def rests_soundly(state: Any, pairs: Any, bodies: Any) -> bool:
-    """Return whether the resting balls of a saved state are possible.
+    """Return whether resting balls and pair records of a saved state are possible.
 
-    They must form connected piles at the walls, without gaps and without acceleration. Only pairs next to driven walls
-    may be marked as such.
+    Resting balls must form connected piles at the walls, without gaps and without acceleration by forces. The closing
+    acceleration of every free pair that is not at a driven wall must follow from gravity and forces. The field `wall`
+    of a pair can only contain a driven wall (or both), or -1.
     """
     is_resting, stuck = bodies["is_free"] == 0.0, pairs["stuck"]
     resting = [i for i, _ in at_walls(state)]

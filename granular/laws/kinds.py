@@ -141,14 +141,21 @@ def _law_floats(law: Any) -> tuple[type, tuple[str, ...], bytes] | None:
 def _cached_laws(
     floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: bytes, r_eff: bytes, ends: tuple[str, str]
 ) -> SceneLaws:
-    """Return the laws of a small scene, cached by the bytes of their values and sizes."""
+    """Return the laws of a small scene, from a cache if possible.
+
+    The key of the cache is the bytes of the values of the laws and of the sizes of the pairs. Each entry of `floats` is
+    class, field names and values of the law of one pair. `ends` are the names of the outer bodies in the names of
+    pairs.
+    """
     given = {key: key[0](**dict(zip(key[1], unpack(f"{len(key[1])}d", key[2]), strict=True))) for key in set(floats)}
     laws = _laws_by_kind(
         tuple(given[key] for key in floats), Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff), 0, ends))
     laws.sound = all(law.form is not None for law in laws.each)
     if laws.sound:
         _check_traits(laws)
-        laws.notes["records"] = None  # key of the engine that solves a scene of these laws
+        # placeholder: the presence of this key allows the soft-sphere engine to cache its records here
+        # (`md.located.system`)
+        laws.notes["records"] = None
     return laws
 
 

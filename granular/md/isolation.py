@@ -42,10 +42,10 @@ def isolated_share(run: Trajectory) -> float:
 
 
 def numbers(run: Trajectory) -> dict[str, Any]:
-    """Return the counts of isolated and of all contacts, for JSON output.
+    """Return numbers of contacts and the first disturbed contact, for JSON output.
 
-    The keys are "isolated", "contacts" and "first_disturbed". The values are None for runs that do not count isolated
-    contacts.
+    The keys are "isolated", "contacts" and "first_disturbed" (`Trajectory.first_disturbed`: time in s and lower pair,
+    or nan and -1). The values are None for runs that do not count isolated contacts.
     """
     is_counted = run.law is not None and "isolated" in run.stats
     return {"isolated": run.stats["isolated"] if is_counted else None,

@@ -387,7 +387,10 @@ class Scene(ByNumbers):
 
     @cached_property
     def _wall(self) -> int | None:
-        """Number of the first wall, which is the anchor, or None without walls."""
+        """Number of the first wall, or None without walls.
+
+        Positions and velocities are computed from the motion of this wall, see `anchor`.
+        """
         return int(self.is_wall.argmax()) if self.is_wall.any() else None
 
     @cached_property

@@ -217,6 +217,7 @@ class Stability(Report):
         return {**vars(self), "rows": [asdict(row) for row in self.rows]}
 
     def __str__(self) -> str:
+        """Table of right digits, runs per verdict, worst wrong runs, and scenes not tried."""
         wrong = sorted((row for row in self.rows if row.verdict == "wrong"), key=lambda row: -np.nan_to_num(row.error))
         lines = self.table() + [
             [name, *(str(sum(row.verdict == name for row in self.of(method))) for method in self.table()[0][1:])]

@@ -168,7 +168,11 @@ class Frontier(Report):
         return float(np.polyfit(setting, error, 1)[0])
 
     def fastest(self, error: float, *, without: tuple[str, ...] = ()) -> Row | None:
-        """Return the fastest row with right contacts and an error of at most `error`."""
+        """Return the fastest good row with a velocity error of at most `error`, or None.
+
+        The numbers of contacts of a good row are right. `error` is in units of the impact speed. The methods named in
+        `without` are ignored.
+        """
         rows = [row for row in self.rows if row.good and row.velocity_error <= error and row.method not in without]
         return min(rows, key=lambda row: row.seconds, default=None)
 

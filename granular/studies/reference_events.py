@@ -341,7 +341,12 @@ class Run:
         return "until" if is_stopped or self.log.separated(rates, closed) else ""
 
     def record_loading_times(self) -> None:
-        """Record the time and velocities at which a force reaches a pair touching at rest."""
+        """Record when a force first reaches each pair that touches at rest.
+
+        The force comes from a neighbouring pair, or from an acceleration that presses the pair together. If the contact
+        of the pair begins later, this time and these velocities are used as its onset. The record is deleted if the
+        force vanishes before.
+        """
         is_pushed = reached_by_force(self.motion.mode, self.motion.pull, self.motion.ring)
         for c, mode in enumerate(self.motion.mode):
             if mode == DORMANT and is_pushed[c]:
@@ -380,8 +385,10 @@ class Run:
     def apply_event(self, c: int, what: str) -> bool:
         """Apply the event `what` to pair c. Return whether it meets the stop condition.
 
-        `what` is "touch" or "begin" (onset), "turn" (the law changes its branch), "release" (the force ends, the
-        overlap remains) or "part" (the overlap ends). The stop condition is met at an onset, before the contact begins.
+        A contact begins at "touch" (an open pair closes) and at "begin" (the force begins in a pair that already
+        touches or overlaps). If the stop condition asks for this contact, True is returned and the contact is not
+        recorded. The other events are "turn" (the law changes its branch), "release" (the force ends, the overlap
+        remains) and "part" (the overlap ends).
         """
         motion = self.motion
         if c in motion.heat and what != "part":

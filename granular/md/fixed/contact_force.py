@@ -176,8 +176,10 @@ def reevaluate_laws(laws: SceneLaws, compiled: CompiledForce) -> None:
 def _select_by_kind(kinds: tuple[tuple[Any, bool], ...], number: int = 0) -> Any:
     """Return a compiled function that calls the force method of the law in a record.
 
-    The class is selected by the field `kind` of the record, starting with entry `number` of `kinds`. The method is
-    called with a tuple of the law's fields as `self`.
+    `kinds` are pairs of a class of laws and whether its laws have a memory (then `force` also gets ξ_max). The field
+    `kind` of the record is an index into `kinds`. Each level of the recursion compiles the method of one class, entry
+    `number` of `kinds`, and passes records of later classes on to the next level. The method is called with a tuple of
+    the law's fields as `self`.
     """
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
@@ -189,6 +191,7 @@ def _select_by_kind(kinds: tuple[tuple[Any, bool], ...], number: int = 0) -> Any
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
         if next_kinds is None or law.kind == number:
+            # a law with memory has `xi_max` as a further argument
             return force(Fields(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, *(xi_max,)[:extra])
         return next_kinds(law, xi, xi_dot, xi_max, pair)
 

@@ -63,9 +63,11 @@ def update_peaks(j: int, was_xi: float, xi: float, was: float, raw: float, a: An
 
 @kernel
 def update_common_overlap(m: int, a: Any) -> None:
-    """Update the largest common overlap in m of each pair and the next pair.
+    """Update the largest common overlap `beside` of each pair and the next pair.
 
-    It is called at the start of a window, and after steps in which an overlap or a force appears or vanishes.
+    For pair c, `beside` is the largest value so far of min(ξ_c, ξ_(c+1)) in m. It is positive if both pairs overlapped
+    at the same time. The update takes place at the start of a window, and after steps in which an overlap or a force
+    appears or vanishes.
     """
     for j in range(m):
         common_overlap = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]

@@ -174,9 +174,14 @@ class Stepper:
         return np.append(values, values[:1]) if self.scene.ring else values
 
     def _set_initial_forces(self) -> None:
-        """Compute the forces of pairs that overlap at the start, and log their onsets."""
+        """Compute the forces of pairs that overlap at the start, and log their onsets.
+
+        For methods with stored derivatives, the initial accelerations are set too: contact forces plus free
+        acceleration.
+        """
         physics, x, a = self.physics, self.here, self.work.window
         xi, raw, v = x[XI], x[window.RAW], x[V]
+        # pair c has index c + 1 in the rows, and its bodies c + 1 and c + 2; the kernel reads index 1 of k and gamma
         for c in np.flatnonzero(self.scene.gap < 0.0).tolist():
             a.k[1], a.gamma[1] = physics.given[window.K][c + 1], physics.given[window.GAMMA][c + 1]
             raw[c + 1] = self.force(physics, c, 0, float(xi[c + 1]), float(v[c + 1] - v[c + 2]), a)
@@ -187,6 +192,7 @@ class Stepper:
         if self.integrator.derivatives:
             forces = np.fmax(0.0, raw)
             if physics.ring:
+                # padding outside the line: the neighbours on the ring
                 forces[[0, -1]] = forces[[-2, 1]]
             contact_acceleration = np.asarray(physics.given[window.INVERSE_MASS])[1:] * (forces[:-1] - forces[1:])
             x[window.ACC][1:] = (contact_acceleration + self._free_acceleration()).tolist()

@@ -67,7 +67,8 @@ def form_first_blocks(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run at its start.
 
     Pairs that overlap, or touch while they close, are moved to the pool. The pieces of islands remain to be planned
-    (`plan_all_due`). Returns false if the run has to stop at its start.
+    (`plan_all_due`). Returns false if the run has to stop at its start: at its stop
+    condition, or at a disturbed contact.
     """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, pair_count(s.pairs)
     for c in range(n):
@@ -77,21 +78,22 @@ def form_first_blocks(s: Any, laws: Any) -> bool:
         if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or is_pressed_to_wall)):
             add_pair_to_pool(s, c)
             if HEATED and pair.wall < 0:
-                if not mark_struck(run, pairs, pool, c):
+                if not mark_struck(run, pairs, pool, c):  # the ball is about to be thrown back
                     return False
-            elif is_clipped(pool[pair.slot], laws):
+            elif is_clipped(pool[pair.slot], laws):  # an overlap without a force
                 pool[pair.slot].mode = RESIDUAL
                 if not count_isolated(run, pairs, pool, c, TOUCH_ONLY):
                     return False
-            elif not activate(run, pairs, pool, s.bodies, c):
+            elif not activate(run, pairs, pool, s.bodies, c):  # the force acts from the start
                 return False
+    # form every block as if an event had just happened in it
     for c in range(n):
         if pairs[c].first == c:
             if pairs[c].slot < 0:
                 add_pair_to_pool(s, c)
             run.lo, run.hi, run.last_step = c, pairs[c].hi, pool[pairs[c].slot].last_step
             code = form_event_blocks(s, laws)
-            while code == EXTEND:
+            while code == EXTEND:  # the forces of the block reach the next block
                 include_block(s, run.wanted)
                 code = form_event_blocks(s, laws)
             if code == STOPPED:

@@ -74,13 +74,14 @@ def apply_contact_event(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, 
     if event in (TURN, RELOAD):
         change_mode(pair, event)
     elif (event == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays_in_contact(pair, block.speed):
+        # the balls separate only by rounding error: the contact goes on, and the pair is dormant
         pair.mode, pair.xi = DORMANT, 0.0
         cancel_rate(pairs, pool, bodies, c)
     else:
-        if pair.going_on == 1:
+        if pair.going_on == 1:  # a contact has begun and not ended
             end_contact(run, pairs, pool, bodies, log, c)
         change_mode(pair, event)
-        if event != END:
+        if event != END:  # the overlap ended, too: count isolated contacts of the next overlap from 0
             pairs[c].isolated = 0
     return True
 
@@ -316,10 +317,11 @@ def stays_in_contact(pair: Any, speed: float) -> bool:
 
 @kernel
 def touches_by_rounding(pairs: Any, pool: Any, c: int, speed: float) -> bool:
-    """Return whether two balls that gravity separates touch only by rounding error.
+    """Return whether a pair touches only by rounding error.
 
-    The energy of their approach is then rounding error. `speed` is the typical speed in m/s of the island of pair `c`.
-    A pair without neighbours in its island is excluded, because it cannot affect other pairs.
+    This can only hold for a negative closing acceleration. The two bodies then accelerate away from each other, and the
+    energy of their approach is rounding error. `speed` is the typical speed in m/s of the island of pair `c`. The
+    result is False for a pair that is alone in its island, because it cannot affect other pairs.
     """
     pair, lo = pool[pairs[c].slot], pairs[c].first
     hi = pairs[lo].hi

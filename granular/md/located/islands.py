@@ -168,12 +168,13 @@ def include_block(s: Any, lo: int) -> None:
 def advance_block(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail in s.
 
-    A pair whose clock is ahead, because its contact was solved as one event, returns along its asymptote.
+    The record of a pair whose contact was solved as one event describes the free motion after the contact, and its
+    clock can be later than this time. The free motion is then traced back to this time.
     """
     pair = s.pairs[lo]
     xi = pair.xi
     if pair.slot < 0 and pair.ahead == 1:
-        # a clock that is ahead goes back along the asymptote
+        # the clock can be ahead, after a contact solved as one event: trace the free motion back
         advance_flight(pair, time_since(pair, t, tail), s.field)
     elif pair.slot < 0:
         advance_flight_forward(pair, time_since(pair, t, tail), s.field)

@@ -38,8 +38,9 @@ def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
     """Return the impulse ∫ F dt in N s up to t1 of a dashpot contact between pendula.
 
     The contact of pair `c` starts at the closing speed `v` in m/s and is solved as one event. Its force ends after t1
-    in s, at the separation speed `v1`. The result follows from the integral of η̇ = -Ω² (ξ + d) - (kξ + γη)/m_eff, with
-    kξ = -γη at its end and the gap d at rest.
+    in s, at the separation speed `v1`. The result follows from the integral from 0 to t1 of
+    η̇ = -Ω² (ξ + d) - (kξ + γη)/m_eff. Here η = ξ̇ goes from v to -v1, d is the distance between the surfaces at rest,
+    and kξ = -γη at t1.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     inverse, damping = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, law.gamma * (law.gamma * v1 / law.k)

@@ -342,7 +342,8 @@ def advance_flight_forward(pair: Any, dt: float, field: Any) -> None:
 def advance_flight(pair: Any, dt: float, field: Any) -> None:
     """Advance a pair in free flight by `dt` in s.
 
-    A negative `dt` follows the asymptote of the pair backwards: its free motion extended into the contact before it.
+    A negative `dt` follows the asymptote of the pair: the free motion after a contact, continued back into this
+    contact.
     """
     pair.xi, pair.eta = free_flight(field, pair, dt)
     pair.exact = 0

@@ -282,14 +282,15 @@ def advance_velocities(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -
 def make_table(s: Any, laws: Any, kernels: Any) -> None:
     """Compute the table of contacts that the run has requested.
 
-    One contact is integrated alone per speed of the table. The state of the run does not change. There must be room for
-    the table (`with_room_for_a_table`). `kernels` returns the compiled or interpreted version of a kernel.
+    The table is for pair `run.wanted` and one octave of approach speeds. Each speed of the table needs one contact of
+    this pair alone. The state of the run does not change. There must be room for the table (`with_room_for_a_table`).
+    `kernels` returns the compiled or interpreted version of a kernel.
     """
     for j in range(POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE):
         kernels(request_contact)(s, j, laws)
         kernels(follow_contact)(s, laws)
         if not kernels(store_contact)(s, j):
-            break
+            break  # `fit_table` refuses an incomplete table
     kernels(fit_table)(s)
 
 

@@ -195,9 +195,11 @@ def _bounded_force(law: PairLaw, xi: float) -> float:
 
 
 def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
-    """Return the kind of F = k ξ^p + γ ξ^d ξ̇, and the exponent q of its start series.
+    """Return the kind of the law F = k ξ^p + γ ξ^d ξ̇, and an exponent q.
 
-    The force is a power series in ξ^(1/q). At the onset it is expanded in τ, where t = (hτ)^q.
+    q is the exponent of pieces that start at an onset. The kind is LINEAR, ELASTIC, DAMPED or GENERAL. F is a power
+    series in ξ^(1/q), so at an onset it is expanded in τ with t = (hτ)^q. A law that is not LINEAR is GENERAL if k ≤ 0,
+    if q or q·p is too large, or if it is damped with d outside [0, p).
     """
     if p == 1.0 and (gamma == 0.0 or d == 0.0):
         return LINEAR, 1
@@ -224,16 +226,20 @@ def _denominator(exponent: float) -> int:
 
 
 class Shape(NamedTuple):
-    """Isolated contacts of a power law, in units of X and X/v of the module docstring.
+    """Isolated contacts of power laws with one exponent p.
+
+    The arrays have one entry per damping ratio ζ.
 
     Attributes
     ----------
-    force_ends, parts : array
-        Times from the touch at which the force and the overlap vanish.
-    restitution : array
+    force_ends : (n,) array
+        Time from the touch at which the force vanishes, in units of X/v (see the module docstring).
+    parts : (n,) array
+        Time from the touch at which the overlap vanishes and the balls part, in units of X/v.
+    restitution : (n,) array
         Coefficient of restitution.
-    deepest, strongest : array
-        Largest overlap, and largest force in units of k X^p.
+    deepest, strongest : (n,) arrays
+        Largest overlap in units of X, and largest force in units of k X^p.
     """
 
     force_ends: Array

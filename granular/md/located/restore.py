@@ -120,6 +120,7 @@ def _is_within_ranges(state: Mapping[str, Any]) -> bool:
     spare, occupied = pool["spare"], pairs["slot"][:n][pairs["slot"][:n] >= 0]
     record = run[0]
     free = spare[max(int(record["members"]), 0) :]
+    # the occupied and the free places of the pool together are all places, each once
     if not (((first >= 0) & (first < n)).all() and 0 <= record["members"] <= places and np.array_equal(
             np.sort([*occupied, *free]), np.arange(places)
     ) and ((pairs["hi"] > 0) & (pairs["hi"] <= len(pairs))).all()):
@@ -140,11 +141,16 @@ def _is_within_ranges(state: Mapping[str, Any]) -> bool:
     ]
     return bool(
         all(((lowest <= values) & (values <= highest)).all() for values, lowest, highest in limits)
+        # every pair lies in the block whose first pair is named in its record
         and ((place[:n] - first) % n < size).all()
-        and not (np.isinf(pairs["wait"][in_flight]) & (pairs["due"][in_flight] < np.inf)).any()  # a missed touch
+        # a flight without a next contact has no event that is due
+        and not (np.isinf(pairs["wait"][in_flight]) & (pairs["due"][in_flight] < np.inf)).any()
+        # on a ring the pairs are stored twice
         and np.array_equal(pairs["slot"][n:], pairs["slot"][: len(pairs) - n])
+        # records in the pool contain the number of their own pair
         and np.array_equal(members["number"], np.flatnonzero(pairs["slot"][:n] >= 0))
         and record["rows"] == rows and record["tables"] == len(state["tables"])
+        # a checkpoint is never taken before a creep test
         and not (members["manner"] == NEEDS_CREEP_TEST).any()
     )
 

@@ -196,10 +196,11 @@ class Run:
         """Advance to `time` in s, or by a portion of the way.
 
         `last` is true if no sample follows after `time`. Returns the reason of the pause: `Pause.reached` at `time`,
-        `Pause.full` after a portion, or the reason why the run ends.
+        `Pause.full` if the run continues (a portion is done, or records had to be enlarged), or the reason why the run
+        ends. `Pause.work` (status max_events) is such a reason: the work limit, or a run that stalls with tiny steps.
         """
         limit = time - self.start
-        if not self.launched:
+        if not self.launched:  # stopped at its start
             return Pause.disturbed if self.is_disturbed else Pause.until
         if limit == math.inf and self.counters["rests"] == 1:
             return Pause.resting  # proved before: a resumed run ends at the same state
@@ -208,13 +209,14 @@ class Run:
         self.now = limit if reached else float(counters["t"])
         if self.closing is not None and self.now < math.inf:
             self.closing.refuse(self.start + self.now, self.request.end)
+        # the kernel stopped for work that it cannot do itself; the next call continues
         if code == WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
             make_table(self.s, self.collocation, self.kernels)
             return Pause.full
         if code == WANTS_CONTACT:
             integrate_wanted_contact(self.s, self.collocation, self.kernels)
-        elif code == CRAMPED:
+        elif code == CRAMPED:  # the records are full
             self.s = with_more_room(self.s)
         if code in (WANTS_CONTACT, CRAMPED):
             return Pause.full
@@ -222,7 +224,7 @@ class Run:
             return Pause.reached
         if code == STOPPED and self.is_disturbed:
             return Pause.disturbed
-        if code != MORE:
+        if code != MORE:  # BINDING: the balls stay in contact, but not every contact is damped
             self.bound = code == BINDING
             return PAUSE_REASONS[code]
         if self.compilation_pays():

@@ -158,6 +158,7 @@ def new_system(
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
     stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (limits.get("until_pair", -1), 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
+    # -1 and nan mean "none yet"
     limits |= {"first": -1, "disturbed": math.nan, "solo": -1}
     for name, value in limits.items():
         run[name] = value
@@ -166,9 +167,11 @@ def new_system(
     )
     scratch = np.zeros((MAX_SUBDIVISIONS + 1, SERIES_ORDER + 2))
     maps = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
+    # Contact tables replace closed-form maps that are missing. `map` is the number of a pair's set of tables, or -1.
     pairs["map"] = -1
     # every pair can have its own tables; else see `_share_tables`
     if n <= MAX_TABLED_PAIRS and (maps != DASHPOT).any():
+        # under a pull only the dashpot has a map; pairs at driven walls have no tables
         without_map = (maps == NO_MAP) | ((pairs["pull"] != 0.0) & (maps != DASHPOT))
         pairs["map"] = np.where(without_map & (pairs["wall"] == 0), np.arange(n), -1)
     contact_tables = (

@@ -124,10 +124,11 @@ def caller_time(walls: Any, t: float, tail: float) -> tuple[float, float]:
 
 @kernel
 def free_flight(field: Any, pair: Any, dt: float) -> tuple[float, float]:
-    """Return the overlap (m) and rate (m/s) of a pair in free flight after `dt` (s).
+    """Return overlap (m) and rate (m/s) of a pair after `dt` (s) of free flight.
 
-    `dt` starts at the clock of the pair. If it is negative, the result belongs to its asymptote: its free motion
-    extended into the contact before it. `field` is the record of driven walls or pendula, or None.
+    The flight starts at the clock of the pair. The clock can be ahead of the run, at the end of a contact. A negative
+    `dt` then gives the free motion continued backwards into this contact (the asymptote), not the motion during the
+    contact. `field` is the record of driven walls or pendula, or None.
     """
     if DRIVEN and pair.wall > 0:
         return flight_at_wall(field, pair, 0.0, -pair.xi, -pair.eta, dt)
@@ -179,9 +180,10 @@ def touching_rate(field: Any, pair: Any, wait: float) -> float:
 
 @kernel
 def next_touch(field: Any, pair: Any) -> float:
-    """Return the time in s from the clock of an open pair to its next touch, or inf.
+    """Return the time in s until an open pair (ξ ≤ 0) touches next, or inf.
 
-    The pair is at a driven wall or consists of pendula.
+    The pair is in free flight. The time is counted from the pair's own clock, t + tail. The pair is at a driven wall,
+    or the scene consists of pendula.
     """
     if HUNG:
         return hung_time_to_contact(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
@@ -272,12 +274,13 @@ def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, 
 
 @kernel
 def expand_paths(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
-    """Prepare the series of driven walls for the next piece of an island.
+    """Expand the paths of driven walls in power series, for an island's next piece.
 
-    The paths are expanded about the clock of the block that starts with pair `lo`. Returns the longest permitted
-    duration of the piece in s, or inf without driven walls. Sets `holds` of the block, the time in s to the next edge
-    of a panel. At driven walls it also sets `pull` and `sway` of the pairs: the closing acceleration in m/s² at the
-    start of the piece, and a bound of its magnitude.
+    The series start at the clock of the block whose first pair is `lo`. Returns the longest duration in s of the piece
+    for which the series may be used, or inf without a driven wall. Where the path has edges, it is at most `holds` of
+    the block, the time in s to the next edge of a panel, which is set here. Two fields of each pair at a driven wall
+    are set as well, both in m/s²: `pull`, its closing acceleration at the start of the piece, and `sway`, a bound of
+    the magnitude of this acceleration at any time.
     """
     reach = math.inf
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]

@@ -224,9 +224,10 @@ def _continuous_series(t: Array, c: Array) -> tuple[Array, Array, Array]:
 
 
 def _check_jumps(t: Array, series: Array, jumps: Array, largest: Array) -> None:
-    """Raise `ValueError` if a jump of the position is not a rounding error.
+    """Raise `ValueError` if the position jumps at a break by more than rounding error.
 
-    The other arguments are explained in `_continuous_series`.
+    `t` are the breaks in s. The other arguments are the result of `_continuous_series`: `jumps` in m at the inner
+    breaks are compared with the largest value of `largest` in m. `series` is not used.
     """
     too_large = np.abs(jumps) > STEP_TOLERANCE * max(float(largest.max()), math.ulp(0.0))
     if too_large.any():

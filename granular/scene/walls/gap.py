@@ -33,8 +33,9 @@ bound of the rounding error of the time in s.
 def gap_state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float) -> State:
     """Return the state of a gap at the time t + tail (s).
 
-    `gap` is in m. Its `rate` in m/s includes the motion of the wall. `pull` is its closing acceleration without this
-    motion, in m/s².
+    `gap` (m) and `rate` (m/s) are the gap between wall and ball and its rate. Without the displacement m of the wall
+    towards the ball, the gap would be gap + m and its rate rate + m'. These are height and velocity of the ball above
+    the position of the wall at m = 0. `pull` is the closing acceleration without m'', in m/s².
     """
     y, low = reduced_time(wall, t, tail)
     k = panel_at(wall, panels, y)

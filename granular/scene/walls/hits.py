@@ -154,7 +154,7 @@ def hit_on_panel(
     which the gap certainly does not close. Panel k is `turns` periods after the period of `now`.
     """
     panel, pull = panels[k], now.pull
-    slack = GAP_NOISE * (abs(pull) + wall.stiff)
+    slack = GAP_NOISE * (abs(pull) + wall.stiff)  # rounding error of the closing acceleration
     while s < end:
         f, df, a, noise = flight(wall, panels, now, k, turns, s)
         # a rate within its rounding error has no sign
@@ -163,13 +163,15 @@ def hit_on_panel(
             return refined_hit(s, f, df, a), True
         certain_gap, left = f - noise if f > noise else 0.0, end - s
         step = safe_step(panel, certain_gap, df, a - slack, pull + panel.most - slack, left)
+        # The ball has just left the wall: `safe_step` is very short or 0, because the gap is about 0. The acceleration
+        # alone keeps the gap open for a longer time.
         if df >= 0.0 and (a <= slack or s == df == 0.0) and step < SHORT_STEP_SHARE * left:
             step = max(step, opening_time(wall, panel, now, turns, s))
         if step >= left:
             if wall.periodic and certain_gap > noise:  # no velocity jumps: the bound holds on all panels
                 return max(end, s + time_to_contact(certain_gap, df, pull + wall.stiff)), False
             return end, False
-        # the step is below the resolution of time
+        # the step is below the resolution of time: the gap closes now
         if s + step == s:
             return s, True
         s += step
@@ -312,7 +314,7 @@ def lift_off_on_panel(
 def pressing_bounds(
     wall: Record, panels: Records, t: float, tail: float, pull: float, span: float
 ) -> tuple[float, float]:
-    """Return certain bounds of the closing acceleration pull + m'' (m/s²).
+    """Return guaranteed bounds of the closing acceleration pull + m'' (m/s²).
 
     The lower and the upper bound hold for `span` (s) from the time t + tail. If the lower bound is positive until the
     end of the bounces of a ball, the ball can be set to rest on the wall. The second derivative of a gap at the wall is
@@ -340,7 +342,7 @@ def pressing_bounds(
 def pressing_bounds_on_panel(
     wall: Record, panel: Record, now: State, turns: float, s: float, until: float
 ) -> tuple[float, float]:
-    """Return certain bounds of pull + m'' (m/s²) during a part of a panel.
+    """Return guaranteed bounds of pull + m'' (m/s²) during a part of a panel.
 
     The part is between the times `s` and `until` (s) after `now`. The result consists of the bounds of the panel, or of
     narrower bounds from the values at both times and the bounds of the rate.
@@ -349,7 +351,9 @@ def pressing_bounds_on_panel(
     noise = GAP_NOISE * (abs(pull) + wall.stiff)
     a, _ = closing_acceleration_at(panel, pull, coordinate(wall, panel, now, turns, s))
     b, _ = closing_acceleration_at(panel, pull, coordinate(wall, panel, now, turns, s + length))
+    # panel.fall ≤ 0 is a bound of the derivative, `lower_bound` expects its magnitude
     low = lower_bound(a, b, panel.rise, -panel.fall, length)
+    # minus the lower bound of the negative function, whose rise and fall are exchanged
     high = -lower_bound(-a, -b, -panel.fall, panel.rise, length)
     return max(low, pull + panel.least) - noise, min(high, pull + panel.most) + noise
 

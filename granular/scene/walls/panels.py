@@ -252,7 +252,7 @@ def _derivative(series: Array, order: int) -> Array:
 
 
 def _polynomial_bounds(series: Array) -> tuple[Array, Array]:
-    """Return certain lower and upper bounds (n,) of n polynomials on [-1, 1].
+    """Return guaranteed lower and upper bounds (n,) of n polynomials on [-1, 1].
 
     They are the smallest and the largest Bernstein coefficients, with a margin for rounding errors. `series` has the
     shape (n, k), lowest power first.

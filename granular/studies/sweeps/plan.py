@@ -261,7 +261,10 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
     user_code: list[Any] = []
 
     def described(value: Any) -> Any:
-        """Return a value as JSON data, and add code of users to `user_code`."""
+        """Return a value that `json.dumps` cannot write, as JSON data.
+
+        User-defined objects are added to `user_code`.
+        """
         if isinstance(value, (np.generic, np.ndarray)):
             return value.tolist()
         if isinstance(value, Mapping):
@@ -274,6 +277,7 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
         of_package = cls.__module__.partition(".")[0] == "granular"
         if of_package and is_dataclass(value) and cls is not value:
             return [cls.__name__, {entry.name: getattr(value, entry.name) for entry in fields(value)}]
+        # functions and classes of granular are known by their name, everything else is user-defined
         user_code.extend([value] * (not of_package or cls is not value))
         return cls.__qualname__
 
@@ -300,13 +304,15 @@ def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
 
 
 def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the results and notes of an existing file, empty without a file.
+    """Return the results and notes that the file `path` contains.
+
+    Without this file, two empty dicts are returned.
 
     Raises
     ------
     ValueError
-        If the file belongs to another sweep or to a later version, or if the sweep uses user-defined code without a
-        key.
+        If the file belongs to another sweep or to a later version. Also if the file exists, the sweep uses user-defined
+        code, and the argument `key` of `sweep` was not given.
     """
     name = files.checked_path("save", path)
     files.check_suffix(name, ".nc")

@@ -154,7 +154,11 @@ class Answers:
         self.refusal = min(self.refusal or (cell, sentence), (cell, sentence))
 
     def take(self, cells: Any, answers: Answers) -> None:
-        """Copy `answers`, which has one row per number in `cells`, to these cells."""
+        """Copy the results of some cells from `answers`.
+
+        The message of the first refused cell is copied, too. Row i of `answers` belongs to the cell with the number
+        ``cells[i]``.
+        """
         self.put(cells, answers.columns)
         if answers.refusal is not None:
             self.refuse(int(cells[answers.refusal[0]]), answers.refusal[1])

@@ -165,9 +165,10 @@ def _planned(scene: SceneLike, requested: Sequence[RequestedResult], fixed: Mapp
 
 
 def _places_of_results(plan: Plan, outcomes: Sequence[Array]) -> dict[str, Any]:
-    """Return the positions of each result in the vector of all outcomes.
+    """Return the positions of the results in the vector of all outcomes, by name.
 
-    A result with several values has an array of positions. Each of its values, such as "v_rel[1]", has an integer.
+    The name of a result with several values, such as "v_rel", stands for the array of their positions. The name of each
+    value, such as "v_rel[1]", and the name of a result with a single value stand for one integer.
     """
     places: dict[str, Any] = {}
     ends = np.cumsum([0, *map(len, outcomes)]).tolist()
@@ -186,16 +187,21 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertainty: Any, 
     all_numbers, computed = numbers_in(plan.subject, plan.root), vars(answer).keys()
     names = [] if over is None else check.several("over", over, "a name, or several")
     if over is None:
+        # all numbers, except those of a rule or law that the outcomes do not use, zeros other than gaps and velocities,
+        # and the fields of a wall path, which cannot be varied one by one
         unused_parts = ["rule"] * (not computed & {"hard", "report"}) + (
             ["law"] * (not computed & {"soft", "report"} and answer.case.rule is not None))
         names = [name for name, p in all_numbers.items() if (p or name.startswith(ZERO_PARAMETERS))
                  and not name.startswith(tuple(unused_parts)) and not any(word in name for word in JOINED_FIELDS)]
     names += list(uncertainty) if isinstance(uncertainty, Mapping) else []
+    # all values of each name: of the entry itself, or of all entries of a list
     values = {name: {p for key, p in all_numbers.items()
                      if name.removeprefix("scene.") in (key, re.sub(r"\[\d+\]", "", key))}
               for name in names}
+    # gap and restitution of a case are no numbers in it, but follow from its scene and laws
     if isinstance(plan.root, Case) and not values.keys().isdisjoint(("gap", "restitution")):
         values |= {name: {p} for name, p in common_parameters(answer.case).items() if name in values}
+    # a name without a value is not a number, a name with several values is ambiguous
     for name in [name for name, candidates in values.items() if len(candidates) != 1]:
         plan.subject.way(name)
         raise ValueError((

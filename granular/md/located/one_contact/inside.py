@@ -100,8 +100,10 @@ def request_integration(s: Any, c: int, left: float) -> None:
 def start_next_piece(s: Any, laws: Any) -> bool:
     """Start the next piece of the contact that is integrated alone, if one is needed.
 
-    Returns False if the integration is complete. Free flight of a residual pair whose force does not return completes
-    it too.
+    Returns whether a piece is needed. No piece is needed after the requested time, after the separation, or after
+    `MAX_CONTACT_PIECES` pieces. A residual pair in free flight needs none either: it is advanced in closed form to the
+    requested time or to its separation (OPEN). If its force returns before the separation, it is left RESIDUAL, because
+    another contact begins then.
     """
     run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
     if (
@@ -114,12 +116,12 @@ def start_next_piece(s: Any, laws: Any) -> bool:
     if member.mode != RESIDUAL or needs_series(member):
         return True
     wait, xi = time_to_contact(member.xi, member.eta, -member.pull), member.xi
-    if run.passed + wait > run.left:
+    if run.passed + wait > run.left:  # the requested time comes before the separation
         advance_flight(member, run.left - run.passed, s.field)
         run.passed = run.left
         if WORKED:
             s.ledger[0].solo[DISSIPATED] += residual_loss(member, laws, member, xi, member.xi)
-    elif member.s != 1.0 or not force_return_time(member, member) < wait:
+    elif member.s != 1.0 or not force_return_time(member, member) < wait:  # separates before its force returns
         advance_flight(member, wait, s.field)
         if WORKED:
             s.ledger[0].solo[DISSIPATED] += residual_loss(member, laws, member, xi, 0.0)

@@ -142,13 +142,14 @@ def state_before_end(
 ) -> tuple[float, float, float, float, float]:
     """Return a time next to the end of a dashpot's force, and the state at that time.
 
+    The contact starts with the approach speed `v` in m/s under the constant closing acceleration `pull` (G) in m/s².
     The force is proportional to ξ + relax·ξ̇, with relax = γ/k in s.
 
     Returns
     -------
     t, dt, xi, eta, acceleration : float
-        Time in s, further time to the end of the force, and overlap, rate and acceleration at `t`. |dt| is less than
-        `NEWTON_TOL` in units of 1/ω. It is inf if the force does not end.
+        Time t in s next to the end of the force, time dt from t to this end, and overlap, rate and acceleration at t.
+        If the force ends, |dt| ω is less than `NEWTON_TOL`. If the force does not end, dt is inf.
     """
     t, dt, xi, eta, acceleration = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
     # Newton's method ends earlier by `NEWTON_TOL`, and 20 is a guard
@@ -180,13 +181,16 @@ def map_of_pendula(law: Any, inverse: float, square: float, pull: float, v: floa
     t, dt, xi, eta, acceleration = state_before_end(omega, zeta, relax, pull, v)
     if dt == math.inf:
         return NO_CLOSED_FORM
+    # the rest of Newton's method is shorter than `NEWTON_TOL`: a Taylor step to the end of the force
     jerk = -stiff * eta - law.gamma * inverse * acceleration
     xi = max(0.0, xi + dt * (eta + 0.5 * dt * acceleration))
     eta += dt * (acceleration + 0.5 * dt * jerk)
+    # free swing from there: η² + Ω² ξ² - 2 pull ξ is constant, so `root` is the separation speed v2 at ξ = 0
     root = math.sqrt(eta * eta + (square * xi - 2.0 * pull) * xi)
     if not eta < 0.0:
         return NO_CLOSED_FORM
     frequency = math.sqrt(square)
+    # time of this swing: tan(Ω (t2 - t1)/2) = Ω ξ / (v2 - η)
     return t + dt, t + dt + 2.0 / frequency * math.atan(frequency * xi / (root - eta)), -eta, root
 
 

@@ -210,18 +210,20 @@ def add_common_force(pairs: Any, pool: Any, a: int, b: int) -> bool:
 
 @kernel
 def kinetic_energy(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return the kinetic energy in J of the group a … b-1 in the frame of its wall.
+    """Return the kinetic energy in J of the group of pairs a … b-1 (bodies a … b).
 
-    Without a wall it is relative to the mass centre.
+    Velocities are relative to the wall of the group, or without a wall to the mass centre of the group.
     """
     v, energy, free = 0.0, 0.0, bodies[a].inverse_mass > 0.0
     if free:
         mass, momentum = 1.0 / bodies[a].inverse_mass, 0.0
+        # velocities relative to body a
         for c in range(a, b):
             v -= pool[pairs[c].slot].eta
             if bodies[c + 1].inverse_mass > 0.0:
                 mass += 1.0 / bodies[c + 1].inverse_mass
                 momentum += v / bodies[c + 1].inverse_mass
+        # velocity of body a in the frame of the mass centre, or of the wall b, which moves with v relative to body a
         v = -momentum / mass if bodies[b].inverse_mass > 0.0 else -v
         energy = 0.5 * v * v / bodies[a].inverse_mass
     for c in range(a, b):

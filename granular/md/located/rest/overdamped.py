@@ -71,7 +71,7 @@ def expand_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Compute the series of an island whose pairs creep or fly, and its scale `h`.
 
     `lo` is the first pair of the island. `h` in s is the scale of its piece. Returns False if a pair moves in another
-    way.
+    way, or if no group limits `h`.
     """
     block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
     while c < hi:
@@ -288,13 +288,15 @@ def subtract_group(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direct
 def examine_island(s: Any, limit: float) -> int:
     """Test the current island for rest and creep, and return whether the run can end.
 
-    `limit` is the end time of the run. Returns RESTS or BOUND of `equilibrium` if the run has no end time and the scene
-    is proved to stay as it is. Otherwise NOT_YET is returned. The next piece of an island that lies still or creeps has
-    then been computed. Any other island is left to `plan`.
+    `limit` is the end time of the run. Returns RESTS or BOUND of `equilibrium` if the run has no end time and the whole
+    scene is proved to stay as it is, else NOT_YET. With NOT_YET, the manner of the island is known: if it lies still
+    (LIES) or creeps (CREEPS), its next piece is computed here. If not (CREEP_TESTED), its first pair is due for `plan`,
+    which computes an ordinary piece.
     """
     run, pairs, pool, bodies, lo = s.run[0], s.pairs, s.pool, s.bodies, s.run[0].lo
     block = pool[pairs[lo].slot]
-    if block.manner != NEEDS_CREEP_TEST:
+    if block.manner != NEEDS_CREEP_TEST:  # else it is tested for creep only
+        # `run.rests` is 1 if rest was proved before for the whole scene
         proved = RESTS if run.rests == 1 else prove_island(pairs, pool, bodies, lo)
         if proved != NOT_YET and run.rests == 0:
             scene_proof = prove_scene(run, pairs, pool, bodies)
@@ -304,7 +306,7 @@ def examine_island(s: Any, limit: float) -> int:
             move_to_equilibrium(pairs, pool, bodies, lo)
         run.steps += 1
     if block.manner == MOVES and postpones_creep_test(pairs, pool, lo):
-        block.manner = CREEP_TESTED
+        block.manner = CREEP_TESTED  # a step of the ordinary motion comes first
     elif block.manner != LIES:
         block.manner = CREEPS if expand_creep(pairs, pool, bodies, lo) else CREEP_TESTED
     pairs[lo].due = DUE_TO_PLAN
@@ -337,7 +339,7 @@ def write_piece(s: Any, lo: int) -> None:
 
 @kernel
 def select_island_to_test(s: Any) -> bool:
-    """Make the first island that has to be tested for creep (ASKS) the current island.
+    """Make the first island that has to be tested for creep the current island.
 
     Returns False if there is none.
     """

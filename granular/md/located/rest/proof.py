@@ -124,9 +124,12 @@ def energy_bound(pair: Any, load: float) -> float:
 
 @kernel
 def barrier_bound(pair: Any, load: float) -> float:
-    """Return an upper bound in J of the energy barrier of a pair, see `equilibrium`.
+    """Return an upper bound in J of the energy barrier of a pair (see `equilibrium`).
 
-    The load of the pair is at most `load` in N.
+    The load of the pair is at most `load` in N. At ξ = 0 the energy is at most F° ξ°, which is at most `load` times the
+    static overlap under `load`. If the second condition applies, ξ is at least `turn`, where ξ^(2s-1) = γ² G / (s k²).
+    The energy there is at most k turn^(p+1) + m_eff G turn / s. The result is the larger of the two bounds. It is 0 for
+    a law without a power form.
     """
     if pair.kind == GENERAL or not pair.k > 0.0:
         return 0.0
@@ -205,7 +208,11 @@ def is_overdamped(pair: Any) -> bool:
 
 @kernel
 def is_in_free_flight(pair: Any) -> bool:
-    """Return whether a pair has no force, and a closed form for a return of its force."""
+    """Return whether a pair has no force, and a closed form for the return time.
+
+    The return time is the time at which the force returns. Both hold for open pairs, and for residual pairs whose law
+    has the exponent s = 1 (force zero at kξ + γη = 0).
+    """
     return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
 
 
@@ -237,8 +244,9 @@ def prove_island(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
 def prove_scene(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     """Try to prove that no contact of the scene can end, and that no gap can close.
 
-    Returns RESTS, BOUND or NOT_YET of `equilibrium`. Energy and barrier of the group nearest to opening are stored in
-    the record of the run. The first island to be examined is the island at which the previous proof failed.
+    Returns NOT_YET without a proof, RESTS if all balls come to rest, or BOUND if all contacts are permanent but not all
+    are damped. Energy and barrier of the group with the largest ratio energy/barrier are stored in the record of the
+    run. The search starts at the island at which the previous proof failed.
     """
     n, scene_proof, run.energy, run.barrier = len(pairs), RESTS, 0.0, math.inf
     c = start = pairs[run.doubted].first
@@ -250,7 +258,7 @@ def prove_scene(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
             run.doubted = c
             return NOT_YET
         store_nearest_group(run, pairs, pool, c)
-        scene_proof = max(scene_proof, island_proof)
+        scene_proof = max(scene_proof, island_proof)  # RESTS < BOUND: one undamped island is enough for BOUND
         c = pairs[c].hi % n
         if c == start:
             break
