@@ -222,14 +222,14 @@ class LaterVersionError(ValueError):
     """Error for a file that a later version of granular has written."""
 
 
-def check_suffix(path: str | os.PathLike[str], needed: str) -> None:
+def check_suffix(path: str | os.PathLike[str], needed: str, name_of_argument: str = "path") -> None:
     """Raise `ValueError` if `path` does not end with the suffix `needed`.
 
     Devices and pipes do not need a suffix.
     """
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str) or "\0" in name or not (name.lower().endswith(needed) or is_stream(name)):
-        raise ValueError(misuse("path", name, f"the name of a file that ends in {needed}"))
+        raise ValueError(misuse(name_of_argument, name, f"the name of a file that ends in {needed}"))
 
 
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
@@ -242,8 +242,9 @@ def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[st
     name = os.fspath(path)
     if not isinstance(number, int) or not 1 <= number <= FILE_FORMAT:
         shown = plain_text(repr(number), 60)
-        raise LaterVersionError(f"The format of {name} must be at most {FILE_FORMAT}, got {shown}. Read it with a "
-                                "later version of granular.")
+        is_later = isinstance(number, int) and number > FILE_FORMAT
+        fix = "Read it with a later version of granular." if is_later else "The file is damaged or was edited."
+        raise LaterVersionError(f"The format of {name} must be an integer from 1 to {FILE_FORMAT}, got {shown}. {fix}")
     if unknown_names := plain_text(", ".join(sorted(unknown))):
         raise LaterVersionError(f"The file {name!r} contains {unknown_names}, which this version does not know. Read "
                                 "it with a later version of granular.")

@@ -122,7 +122,9 @@ def frontier(
             })
         truth = reference or solve(scene, laws, until=until, t_end=t_end)
         if not truth.durations:
-            raise ValueError(_no_contact_message(scene))
+            raise ValueError(_no_contact_message(scene) if reference is None else (
+                f"`reference` must have a contact that ends, got none up to t = {float(truth.t_stop):g} s. Compute it "
+                "with the same `t_end` and `until`."))
         task = Task(scene, laws, until, t_end, truth)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
@@ -155,7 +157,8 @@ def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:
 
 
 def _no_contact_message(scene: Scene) -> str:
-    return f"`scene` must have a contact that ends within the run, got {scene}."
+    return (f"`scene` must have a contact that ends within the run, got none for {scene}. Choose a later end, or balls "
+            "that meet.")
 
 
 def _measured_rows(

@@ -401,7 +401,7 @@ ARITIES = {
     "motion": (lambda: gr.walls.Motion(lambda: 0.0),
         r"`function` must be a function with the argument \(t\), got \(\)"),
     "result": (lambda: gr.sweep("three-balls", {"gap": [1e-3]}, results=[lambda: 0.0]),
-               r"`result` must be a function with the argument \(case\), got \(\)"),
+               r"`results` must be a function with the argument \(case\), got \(\)"),
     "observable": (lambda: gr.compare(THREE, gr.Hertz(1e7), t_end=0.1).effective_restitution(lambda: 0.0),
                    r"`observable` must be a function with the argument \(run\), got \(\)"),
     "pressed": (lambda: gr.scenes.rows._pressed(THREE, lambda: gr.Hertz(1e7), 1.0, 0),

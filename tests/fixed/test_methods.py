@@ -80,7 +80,7 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
     run = verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2)
     assert run.stats["engine"] == "plain"
     assert "Wordy" in run.stats["note"]
-    with pytest.raises(TypeError, match="Wordy is not a dataclass of numbers"):
+    with pytest.raises(TypeError, match="Wordy is not a dataclass whose fields are all numbers"):
         verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2, engine="compiled")
 
 

@@ -113,8 +113,8 @@ def changed(path, arrays, **words):
 
 def test_files_of_a_later_version_are_refused_by_name(tmp_path, soft):
     soft.save(tmp_path / "run.npz")
-    with pytest.raises(ValueError, match=r"format of .*run\.npz must be at most \d+, got 99\. Read it with a later "
-                                         "version"):
+    with pytest.raises(ValueError, match=r"format of .*run\.npz must be an integer from 1 to \d+, got 99\. "
+                                         "Read it with a later version"):
         gr.Trajectory.load(changed(tmp_path / "run.npz", {}, format=99))
     soft.save(tmp_path / "run.npz")
     path = changed(tmp_path / "run.npz", {}, watch=None, twist=1)

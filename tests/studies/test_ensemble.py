@@ -184,7 +184,7 @@ def test_words_json_figure_and_command(three_balls, tmp_path, capsys):
         r"`vary\['gap'\]` must be an array of shape \(2,\), got an array of shape \(3,\)\. Give \(mean, sd\), a "
         r"function of the generator, or None for a seed\."),
     (("three-balls", 4, TOUCHING, "v_reel"),
-        r"`result` must be one of contacts, v_rel, t_f, v_final, time, energy_left, got 'v_reel'\. Did you mean "
+        r"`results` must be one of contacts, v_rel, t_f, v_final, time, energy_left, got 'v_reel'\. Did you mean "
         r"'v_rel'\?"),
     (("three-balls", 4, TOUCHING, "v_rel[2]"), r"unknown result v_rel\[2\]; did you mean v_rel\[1\]\?"),
     (("three-balls", 4, TOUCHING, []), r"`results` must have one or more entries of different names, got none\."),

@@ -224,7 +224,7 @@ def test_command_says_at_once_that_no_contact_ends(line, capsys, monkeypatch):
     monkeypatch.setattr(reference, "solve_with", lambda *a, **b: pytest.fail("it was solved"))
     assert cli.main(["frontier", *line.split()]) == 2
     err = capsys.readouterr().err
-    assert err.startswith("granular: `scene` must have a contact that ends within the run, got Scene(")
+    assert err.startswith("granular: `scene` must have a contact that ends within the run, got none for Scene(")
 
 
 def test_rest_without_an_end_is_refused():

@@ -172,8 +172,8 @@ def test_mistakes_are_one_sentence_each():
         ({"results": "contacts"}, ValueError, "`results` must be continuous outcomes, got 'contacts', an integer, "
          "which has no derivative. Where the number of contacts changes is found by granular.sweep(..., refine=)."),
         ({"results": []}, ValueError, "`results` must be a name such as 'v_rel', or several, got an empty list."),
-        ({"results": "v_rel[7]"}, ValueError, "`result` must be one of v_rel[0], v_rel[1], v_rel, got 'v_rel[7]'"),
-        ({"results": "speed"}, ValueError, "`result` must be a known name, got 'speed'. Known names: contacts, "),
+        ({"results": "v_rel[7]"}, ValueError, "`results` must be one of v_rel[0], v_rel[1], v_rel, got 'v_rel[7]'"),
+        ({"results": "speed"}, ValueError, "`results` must be a known name, got 'speed'. Known names: contacts, "),
         ({"over": []}, ValueError, "`over` must have at least one parameter, such as "),
         ({"over": "radii"}, ValueError, "The parameter radii must have one value, got 2 different ones. Give it one "
          "value, or name one entry, such as radii[0], radii[1]."),

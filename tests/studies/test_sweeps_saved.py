@@ -49,8 +49,8 @@ def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_pa
     np.testing.assert_allclose(data["v_rel"], gr.sweep("three-balls", over)["v_rel"], rtol=1e-12)
     later = data.assign_attrs(provenance=json.dumps({"format": 99}))
     later.to_netcdf(file, engine="netcdf4")
-    with pytest.raises(ValueError, match=r"The format of .*older\.nc must be at most 3, got 99\. Read it with a "
-                                         r"later version of granular\."):
+    with pytest.raises(ValueError, match=r"The format of .*older\.nc must be an integer from 1 to 3, got 99\. "
+                                         r"Read it with a later version of granular\."):
         gr.sweep("three-balls", over, save=file)
 
 
@@ -81,10 +81,10 @@ def test_a_map_whose_file_was_changed_is_refused_in_a_sentence(tmp_path):
             "`save` must be a file whose status is one of not_run, time, until, quiet, resting, collapse, "
             r"disturbed, max_events, unstable, broken, bounded, misuse, got '.*map\.nc' with others\. Remove the "
             r"file\."),
-        (data.assign_attrs(provenance="[["), r"The format of .*map\.nc must be at most 3, got None\. Read it with a "
-                                             "later version"),
-        (data.assign_attrs(provenance="[1]"), r"The format of .*map\.nc must be at most 3, got None\. Read it with a "
-                                              "later version"),
+        (data.assign_attrs(provenance="[["), r"The format of .*map\.nc must be an integer from 1 to 3, got None\. "
+                                             "The file is damaged"),
+        (data.assign_attrs(provenance="[1]"), r"The format of .*map\.nc must be an integer from 1 to 3, got None\. "
+                                              "The file is damaged"),
     ]:
         other.to_netcdf(file, engine="netcdf4")
         with pytest.raises(ValueError, match=sentence):

@@ -116,7 +116,7 @@ def records(laws: SceneLaws, pairs: Pairs) -> CompiledForce:
         try:
             values = [float(getattr(pair_law.law, f.name)) for f in fields(pair_law.law)]
         except (TypeError, ValueError) as error:
-            raise NotCompilableError(f"{name} is not a dataclass of numbers ({error})") from None
+            raise NotCompilableError(f"{name} is not a dataclass whose fields are all numbers ({error})") from None
         if len(values) > MAX_LAW_FIELDS:
             raise NotCompilableError(f"{name} has {len(values)} fields, more than {MAX_LAW_FIELDS}")
         record["kind"] = kinds.index((type(pair_law.law), pair_law.memory))

@@ -322,7 +322,7 @@ def _requested(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     results_by_name = {name.partition("[")[0]: entry for name, entry in requested.items()}
     for name, entry in results_by_name.items():
         check.function_of(f"the result {name}", entry, "run") if callable(entry) else (
-            check.choice("result", name, COMMON_RESULTS))
+            check.choice("results", name, COMMON_RESULTS))
     return requested, results_by_name
 
 

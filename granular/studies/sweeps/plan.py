@@ -158,9 +158,9 @@ def make_plan(
     """
     for result in asked:
         if callable(result):
-            check.function_of("result", result, "case")
+            check.function_of("results", result, "case")
         else:
-            check.choice("result", result, list(RESULTS))
+            check.choice("results", result, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # raises for names that are not parameters
@@ -315,7 +315,7 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
         code, and the argument `key` of `sweep` was not given.
     """
     name = files.checked_path("save", path)
-    files.check_suffix(name, ".nc")
+    files.check_suffix(name, ".nc", "save")
     files.check_writable(name)
     if not os.path.isfile(name):
         return {}, {}

@@ -131,7 +131,7 @@ def sensitivity(
     answer = Answer(plan.case(()))
     *outcomes, order = (np.ravel(result.of(answer)).astype(float) for result in plan.results.values())
     places = _places_of_results(plan, outcomes)
-    labels = [check.choice("result", _result_name(result, ""), list(places)) for result in requested]
+    labels = [check.choice("results", _result_name(result, ""), list(places)) for result in requested]
     parameters = _parameters(plan, over, uncertainty, answer)
     uncertainties = _standard_uncertainties(uncertainty, parameters)
     scales, outcome_vector = _sizes(plan, answer, outcomes), np.concatenate(outcomes)
