@@ -145,7 +145,7 @@ MUTANTS = [
         "upper.fall_velocity - upper.is_free * fallen",
         DRIVEN_TESTS,
     ),
-    ("edmd", "return min(w, 0.0)", "return w", DRIVEN_TESTS),
+    ("edmd", "> lower.noise + upper.noise:\n            return w", "< 0.0:\n            return w", DRIVEN_TESTS),
     (
         "edmd",
         "0.5 * (s + w) * transferred",
