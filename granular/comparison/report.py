@@ -414,7 +414,7 @@ def _overlap_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield the reason for overlapping contacts, with up to four overlaps."""
     shared, log = report.overlaps, report.counted[1].contacts
     count = len({row for o in shared for row in (o.lower, o.upper)})
-    yield f"Why: {count} contacts of neighbouring pairs overlap in time{'; the first two' * (len(shared) > 1)}:"
+    yield f"Why: {count} contacts of neighbouring pairs overlap in time{', beginning with' * (len(shared) > 1)}:"
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
         lower, upper = (report.scene.pairs.name(int(row["pair"])) for row in (below, above))
