@@ -73,6 +73,7 @@ def test_the_cells_of_a_notebook_run_and_print_what_it_shows(name, monkeypatch, 
     plt.switch_backend("Agg")
     notebook, names, now, figures = nbformat.read(FOLDER / f"{name}.ipynb", 4), {"__name__": name}, [], []
     with matplotlib.rc_context(), warnings.catch_warnings():
+        matplotlib.rcdefaults()  # an example may have set its style in this process
         for cell in (cell for cell in notebook.cells if cell.cell_type == "code"):
             with contextlib.redirect_stdout(io.StringIO()) as said:
                 exec(compile(cell.source, name, "exec"), names)
