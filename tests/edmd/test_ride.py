@@ -124,6 +124,26 @@ def test_a_floor_that_leaves_as_a_ball_arrives_does_not_pull_it():
     assert pushed.count(False) > 20
 
 
+@pytest.mark.parametrize("up", [False, True])
+def test_a_wall_that_leaves_pulls_no_ball_under_any_remedy(up):
+    """Floors and ceilings, with and without a second ball, by both engines: free flight, and the same bits."""
+    pytest.importorskip("numba")
+    rng, sign = np.random.default_rng(1), 1.0 if up else -1.0
+    remedies = [{}, {"tc": 1e-3}, {"elastic_below": 0.1}, {"collapse": "merge", "merge_below": 1e-3}]
+    for remedy in remedies * 3:
+        arrives, speed, away = (float(rng.integers(1, 17)) / 8.0 for _ in range(3))
+        path = Piecewise([0.0, arrives, arrives + 9.0], [[0.0, sign * (speed + away)], [0.0, 0.0]])
+        flip, second = slice(None, None, -1 if up else 1), int(rng.integers(2))
+        scene = gr.Scene([INF, 1.0, 2.0][: 2 + second][flip], [0.0] * (2 + second),
+                         [speed * arrives, 50.0][: 1 + second][flip],
+                         [0.0, sign * speed, 0.0][: 2 + second][flip], **{"ceiling" if up else "floor": path})
+        runs = [gr.edmd.simulate(scene, gr.ConstantRestitution(0.5), engine=engine, t_end=arrives + 1.0, **remedy)
+                for engine in ("sorted", "compiled")]
+        assert len({(each.velocity.tobytes(), each.contacts.tobytes()) for each in runs}) == 1
+        assert runs[0].velocity[-1][flip][1] == sign * speed
+        assert not runs[0].contacts["impulse"].any()
+
+
 def test_what_rides_on_a_driven_floor_meets_a_driven_ceiling_when_there_is_no_room():
     """Both walls drive one ball: it rides on the floor until they leave it no room."""
     floor, ceiling = Sine(0.05, 0.5), Sine(0.5, 0.11, 0.3)
