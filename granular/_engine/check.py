@@ -268,7 +268,8 @@ def check_argument_types(module: dict[str, Any], *kinds: type) -> None:
     needed: dict[str, Any] = {kind.__name__: (kind, f"a granular.{kind.__name__}") for kind in kinds} | {
         "Array": (np.ndarray, "an array"), "Mapping": (Mapping, "a mapping")}
     for name, function in list(module.items()):
-        if isinstance(function, FunctionType) and function.__module__ == module["__name__"] and name[0] != "_":
+        is_function = isinstance(function, FunctionType) and function.__module__ == module["__name__"]
+        if is_function and name[0] != "_" and not hasattr(function, "__wrapped__"):
             module[name] = _typed(function, needed)
 
 

@@ -97,7 +97,7 @@ class Checked(ComparedRuns):
             "occupation": measures.occupation(soft),
             "distance": math.nan if self._early else self._distance(differences(*self.continued)),
             "predictability": math.nan if self._twin.status in EARLY_STATUSES else self._distance(
-                differences(*self._shifted)),
+                self._shift_differences),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
             "isolated_share": isolation.isolated_share(self.continued[1]),
             "lag": self._lag,
@@ -133,7 +133,7 @@ class Checked(ComparedRuns):
 
         It is the largest velocity difference in each component, in its unit U.
         """
-        return self.components.largest(np.zeros(self.scene.n_pairs), differences(*self._shifted)) / self.units
+        return self.components.largest(np.zeros(self.scene.n_pairs), self._shift_differences) / self.units
 
     @cached_property
     def shifts(self) -> _check.Array:
@@ -143,8 +143,8 @@ class Checked(ComparedRuns):
         after its last contact.
         """
         mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
-        difference = differences(*self._shifted)
-        return np.sqrt(self.components.total(mass * difference**2) / self.components.total(mass)) / self.units
+        mean_square = self.components.total(mass * self._shift_differences**2) / self.components.total(mass)
+        return np.sqrt(mean_square) / self.units
 
     @cached_property
     def twin(self) -> Trajectory:
@@ -166,14 +166,22 @@ class Checked(ComparedRuns):
         """
         return self._with_hard_run(self.settled if self._twin.status in EARLY_STATUSES else self._twin)
 
+    @cached_property
+    def _shift_differences(self) -> _check.Array:
+        """Velocity difference in m/s of each ball between the two runs of `_shifted`, (n,)."""
+        return differences(*self._shifted)
+
     def _with_hard_run(self, run: Trajectory) -> tuple[Trajectory, Trajectory]:
         """Return a hard run and the one of the report, ready to be compared.
 
         See `_shifted`.
         """
-        run, hard = (counted(outcome.combine_simultaneous(each), self.soft)[0]
-                     for each in align.continue_past_end(run, self.settled))
-        return run, hard
+        def without_weak(each: Trajectory) -> Trajectory:
+            known = each is self.settled
+            return self.counted[0] if known else counted(outcome.combine_simultaneous(each), self.soft)[0]
+
+        run, hard = align.continue_past_end(run, self.settled)
+        return without_weak(run), without_weak(hard)
 
     @cached_property
     def _runs_under_other_ties(self) -> dict[str, Trajectory | str]:
@@ -322,7 +330,7 @@ def _reason_for_yes(report: Checked, trivial_reasons: list[str]) -> Reason:
     trivial_reasons : list of str
         Reasons of the components that agree trivially because their balls rest from the start, as text.
     """
-    error, isolated = report.error, report.measures["isolated_share"]
+    error, isolated = report.error, isolation.isolated_share(report.continued[1])
     if not error <= ERROR_LIMIT:
         return Reason(Answer.undecided, ": no contact has ended")
     bound = f"within {rounded_bound(100.0 * error, 1, up=True)} % of the fastest impact"
@@ -334,7 +342,7 @@ def _reason_for_yes(report: Checked, trivial_reasons: list[str]) -> Reason:
         words = max(trivial_reasons, default=nothing)
     elif isolated == 1.0:
         words = f": every contact is binary (certified), and {agree}"
-    elif report.measures["shared_impulse"] > MIN_CONTACT_STRENGTH:
+    elif measures.shared_impulse(report.soft) > MIN_CONTACT_STRENGTH:
         words = f", {within}, though contacts overlap in time"
     else:
         why = "every contact is binary" if not isolated < 1.0 else (
@@ -351,7 +359,10 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
     Otherwise None is returned.
     """
     lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.continued[1]
-    log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
+    has_no_end = np.isnan(soft.contacts["t_end"])
+    if not lying and not has_no_end.any():
+        return None
+    log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (has_no_end | lying)]
     if not len(log) or not (report.scene.closing_acceleration.any() or report.scene.driven):
         return None
     settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]

@@ -22,6 +22,7 @@ from granular.comparison.outcome import (
     last_contacts,
     separation_speeds,
     sticking_speed,
+    touching_bodies,
     velocities_after_flight,
 )
 from granular.run.trajectory import Trajectory
@@ -91,25 +92,30 @@ class Departures:
     def __init__(self, hard: Trajectory, soft: Trajectory, weight: Array, lag: Callable[[Any, Array], Array]) -> None:
         scene, matching = hard.scene, matching_soft_contacts(hard, soft)
         is_matched = matching >= 0
-        fastest = approach(soft)
+        fastest = approach(soft).copy()
         np.maximum.at(fastest, matching[is_matched], approach(hard)[is_matched])
         compared = ~resting_in_both(hard, soft)[soft.contacts["pair"]] | (
             fastest > weight[soft.contacts["pair"]])  # the others are contacts of balls that settle
         self.soft, self.episode = soft, episodes(soft, compared)
-        rows = np.flatnonzero(is_matched & np.append(compared, False)[matching])
+        is_compared = is_matched.copy()
+        is_compared[is_matched] = compared[matching[is_matched]]
+        rows = np.flatnonzero(is_compared)
         leaving = [last_contacts(hard, rows, self.episode[matching[rows]]),
                    last_contacts(soft, np.flatnonzero(compared), self.episode[compared])]
-        common = np.intersect1d(leaving[0][0], leaving[1][0], assume_unique=True, return_indices=True)[1:]
-        (row, side), (last, soft_side) = (
-            [column[i] for column in columns] for (_, *columns), i in zip(leaving, common, strict=True))
-        is_matched_soft = np.isin(np.arange(len(soft.contacts)), matching)
+        (key, *hard_columns), (soft_key, *soft_columns) = leaving
+        place = np.searchsorted(soft_key, key)
+        common = soft_key[place.clip(max=len(soft_key) - 1)] == key if len(soft_key) else place < 0
+        row, side = (column[common] for column in hard_columns)
+        last, soft_side = (column[place[common]] for column in soft_columns)
+        is_matched_soft = np.zeros(len(soft.contacts), np.bool_)
+        is_matched_soft[matching[is_matched]] = True
         duration = (soft.contacts["t_end"] - soft.contacts["t_begin"])[matching[rows], None]
         free = np.minimum(flights(hard, is_matched)[rows], flights(soft, is_matched_soft)[matching[rows]])
         k, body_side = np.nonzero(free > LONG_FLIGHT * duration)
-        row, side, last, soft_side = map(
-            np.append, (row, side, last, soft_side), (rows[k], body_side, matching[rows[k]], body_side))
+        row, side, last, soft_side = (np.concatenate(columns) for columns in (
+            (row, rows[k]), (side, body_side), (last, matching[rows[k]]), (soft_side, body_side)))
         self.of = self.episode[last]
-        self.ball = np.array(scene.bodies(soft.contacts["pair"][last]))[soft_side, np.arange(len(last))]
+        self.ball = touching_bodies(soft)[last, soft_side]
         self.time = np.array([hard.contacts["t_end"][row], soft.contacts["t_end"][last]])
         self.velocity = np.array([hard.contacts["v_out"][row, side], soft.contacts["v_out"][last, soft_side]])
         (begin, end), (u, v) = self.time, self.velocity
@@ -152,7 +158,8 @@ def episodes(soft: Trajectory, compared: Any) -> Any:
         other = order[place]
         linked = (place >= 0) & (pair[other] == neighbour) & (end[other] > begin) & (end == end)
         links.append(np.array([onset[linked], onset[other[linked]]]))
-    return np.unique(_groups(size, *np.hstack(links)), return_inverse=True)[1][onset] if size else onset
+    one, other = np.hstack(links)
+    return np.unique(_groups(size, one, other), return_inverse=True)[1][onset] if len(one) else onset
 
 
 def flights(run: Trajectory, met: Any) -> Array:
@@ -167,19 +174,20 @@ def flights(run: Trajectory, met: Any) -> Array:
         Whether each contact of the run also occurs in the other run.
     """
     log = run.contacts
-    body = np.column_stack(run.scene.bodies(log["pair"])).ravel()
-    begin, end = np.repeat(log["t_begin"], 2), np.repeat(log["t_end"], 2)
+    body = touching_bodies(run).ravel()
+    begin, end = log["t_begin"].repeat(2), log["t_end"].repeat(2)
     by_begin, by_end = np.lexsort((begin, body)), np.lexsort((end, body))
-    onset = np.where(np.repeat(met, 2), begin, -np.inf)[by_begin]
+    onset, end, of_body = np.where(met.repeat(2), begin, -np.inf)[by_begin], end[by_end], body[by_end]
     # a body is free after its j-th end if its contact j + 1 is the next to begin: only then all before it are over
-    free = np.append(onset[1:], np.inf)[: len(body)] - end[by_end]
-    free[np.diff(body[by_end], append=-1) != 0] = np.inf
+    free = np.full(len(body), np.inf)
+    np.subtract(onset[1:], end[:-1], out=free[:-1], where=of_body[1:] == of_body[:-1])
     if run.rule is not None:
-        last_of_instant = np.where(
-            np.abs(free) > SIMULTANEITY_TOLERANCE * (end[by_end] - run.time[0]), np.arange(len(body)), len(body)
-        )
+        is_last = np.abs(free) > SIMULTANEITY_TOLERANCE * (end - run.time[0])
+        last_of_instant = np.where(is_last, np.arange(len(body)), len(body))
         free = free[np.minimum.accumulate(last_of_instant[::-1])[::-1]]
-    return np.asarray(free[np.argsort(by_end)].reshape(-1, 2))
+    of_contacts = np.empty(len(body))
+    of_contacts[by_end] = free
+    return of_contacts.reshape(-1, 2)
 
 
 def _groups(size: int, one: Any, other: Any) -> Any:

@@ -22,7 +22,7 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array
-from granular.comparison.outcome import approach
+from granular.comparison.outcome import approach, counts
 from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
 from granular.run.contact_log import is_logged
@@ -96,9 +96,8 @@ def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
     begin, t_c = hard.contacts["t_begin"].copy(), durations(hard, laws)
     crowded = np.zeros(len(begin), dtype=np.bool_)
     for below, above in _neighbouring_rows(hard):
-        if len(below) and len(above):
-            crowded[below] |= _distance(begin[below], begin[above]) < t_c[below]
-            crowded[above] |= _distance(begin[above], begin[below]) < t_c[above]
+        crowded[below] |= _distance(begin[below], begin[above]) < t_c[below]
+        crowded[above] |= _distance(begin[above], begin[below]) < t_c[above]
     return float(crowded.mean()) if len(begin) else math.nan
 
 
@@ -111,8 +110,10 @@ def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
 
 
 def _neighbouring_rows(run: Trajectory) -> Iterator[tuple[Any, Any]]:
-    """Yield the rows of the contact log of two pairs, for all neighbouring pairs."""
+    """Yield the rows of the contact log of two neighbouring pairs, if both have contacts."""
     below, above = run.scene.neighbours
+    have_contacts = (counts(run)[below] > 0) & (counts(run)[above] > 0)
+    below, above = below[have_contacts], above[have_contacts]
     return zip(map(run.rows, below.tolist()), map(run.rows, above.tolist()), strict=True)
 
 

@@ -268,7 +268,7 @@ class ComparedRuns:
                            lambda pair, speed: align.allowed_delay(*self.counted)(pair, speed))
         part, largest = self.components.of_ball[departures.ball], np.zeros(self.components.count + 1)
         index = np.zeros(self.components.count + 1, np.int64)
-        error = np.nan_to_num(departures.apart) / np.append(self.units, math.inf)[part]
+        error = np.fmax(departures.apart, 0.0) / np.append(self.units, math.inf)[part]
         order = np.argsort(error, kind="stable")
         largest[part[order]], index[part[order]] = error[order], order  # the last assignment stays
         return departures, largest[:-1], index[:-1]

@@ -7,14 +7,16 @@ contacts. Balls that touch each other in either run form a component. Each compo
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar
 from zlib import crc32
 
 import numpy as np
 
-from granular._engine.check import Array, check_argument_types
-from granular.md.isolation import Durations
+from granular._engine.check import Array, check_argument_types, of_kind
+from granular.md.isolation import isolated_durations
 from granular.run.trajectory import Trajectory
 
 ERROR_LIMIT = 0.01
@@ -36,6 +38,28 @@ MAX_WEIGHT_ITERATIONS = 100
 
 For F = k ξ^p the error decreases by the factor (p - 1)/(p + 1) per iteration, 1/5 for Hertz spheres.
 """
+
+Result = TypeVar("Result")
+
+
+def once_per_run(function: Callable[[Trajectory], Result]) -> Callable[[Trajectory], Result]:
+    """Decorate a function of a run, so that each run stores its result.
+
+    Arrays are stored read-only. An argument that is not a `Trajectory` raises `TypeError`.
+    """
+    name, argument = f"_{function.__name__}", function.__code__.co_varnames[0]
+
+    @wraps(function)
+    def with_cache(run: Trajectory) -> Result:
+        stored = vars(of_kind(argument, run, Trajectory, "a granular.Trajectory"))
+        if name not in stored:
+            result = stored[name] = function(run)
+            for array in result if isinstance(result, tuple) else (result,):
+                if isinstance(array, np.ndarray):
+                    array.flags.writeable = False
+        return stored[name]  # type: ignore[no-any-return]
+
+    return with_cache
 
 
 @dataclass(frozen=True)
@@ -85,6 +109,13 @@ def pair_outcomes(hard: Trajectory, soft: Trajectory, cut: Trajectory) -> tuple[
     return tuple(map(PairOutcome, range(len(n_hard)), n_hard, n_soft, hard_v, soft_v, hard_t, soft_t, ongoing_))
 
 
+@once_per_run
+def touching_bodies(run: Trajectory) -> Any:
+    """Numbers of the lower and the upper body of each contact in the log, (m, 2)."""
+    return np.stack(run.scene.bodies(run.contacts["pair"]), axis=1)
+
+
+@once_per_run
 def counts(run: Trajectory) -> Any:
     """Number of contacts of every pair, shape (n-1,)."""
     return np.diff(run.by_pair[1])
@@ -109,6 +140,7 @@ def sticking_speed(run: Trajectory) -> float:
     return float(run.stats.get("merge_below", 0.0 if has_rested else -1.0))
 
 
+@once_per_run
 def separations(run: Trajectory) -> tuple[Array, Array]:
     """Separation speed in m/s and end time in s of the last contact of every pair.
 
@@ -122,6 +154,7 @@ def separations(run: Trajectory) -> tuple[Array, Array]:
     return speed, time
 
 
+@once_per_run
 def leaving_velocities_and_times(run: Trajectory) -> tuple[Array, Array]:
     """Velocity in m/s of each body after its last contact, and the time in s.
 
@@ -156,10 +189,13 @@ def last_contacts(run: Trajectory, rows: Any, group: Any) -> tuple[Any, Any, Any
         For each body with a contact in a group: the number ``group * n + body``, the row of the contact, and the side
         of the body in its pair (0 for the lower one, 1 for the upper one).
     """
-    key = np.repeat(group, 2) * run.scene.n + np.column_stack(run.scene.bodies(run.contacts["pair"][rows])).ravel()
-    order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))
-    last = order[np.append(np.diff(key[order]) != 0, np.ones(min(len(order), 1), np.bool_))]
-    return key[last], rows[last // 2], last % 2
+    key = (group[:, None] * run.scene.n + touching_bodies(run)[rows]).ravel()
+    order = np.lexsort((run.contacts["t_end"][rows].repeat(2), key))
+    key = key[order]
+    is_last = np.ones(len(key), np.bool_)
+    np.not_equal(key[1:], key[:-1], out=is_last[:-1])
+    last = order[is_last]
+    return key[is_last], rows[last // 2], last % 2
 
 
 def leaving_velocities(run: Trajectory) -> Array:
@@ -177,8 +213,8 @@ def combine_simultaneous(hard: Trajectory) -> Trajectory:
     log = hard.contacts
     if len(log) < 2:
         return hard
-    time, rows = log["t_begin"], np.arange(len(log))
-    is_later = np.diff(time, prepend=time[0]) > SIMULTANEITY_TOLERANCE * (time - hard.time[0])
+    time, rows, is_later = log["t_begin"], np.arange(len(log)), np.zeros(len(log), np.bool_)
+    is_later[1:] = time[1:] - time[:-1] > SIMULTANEITY_TOLERANCE * (time[1:] - hard.time[0])
     if is_later[1:].all():
         return hard
     instant = np.cumsum(is_later)
@@ -220,6 +256,7 @@ def energy_left(run: Trajectory) -> float:
     return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
 
 
+@once_per_run
 def strengths(run: Trajectory) -> Array:
     """Strength in m/s of each contact in the log, (m,).
 
@@ -229,6 +266,7 @@ def strengths(run: Trajectory) -> Array:
     return np.asarray(np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]]))
 
 
+@once_per_run
 def approach(run: Trajectory) -> Array:
     """Approach speed in m/s of each contact in the log at its onset, (m,).
 
@@ -289,8 +327,8 @@ def components(hard: Trajectory, soft: Trajectory) -> Components:
     """
     scene, touches = hard.scene, (counts(hard) + counts(soft)) > 0
     # number the sequences of consecutive pairs with contacts: a pair counts only if the pair before has no contact
-    of_pair = np.cumsum(touches) - 1
-    of_pair[1:] -= np.cumsum(touches[1:] & touches[:-1])
+    of_pair = touches.cumsum() - 1
+    of_pair[1:] -= (touches[1:] & touches[:-1]).cumsum()
     count = int(of_pair[-1]) + 1
     if scene.ring and count > 1 and touches[0] and touches[-1]:  # first and last are one component, around the ring
         count -= 1
@@ -313,7 +351,8 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components, weight: Array) 
     speed = weight.copy()
     for run in (hard, soft):
         log = run.contacts
-        parting = np.where(approach(run) > 0.0, 0.0, np.nan_to_num(log["v_out"][:, 1] - log["v_out"][:, 0]))
+        parting = log["v_out"][:, 1] - log["v_out"][:, 0]
+        parting[(approach(run) > 0.0) | ~np.isfinite(parting)] = 0.0
         np.maximum.at(speed, log["pair"], np.maximum(approach(run), parting))
     scale = max(float(np.abs(run.contacts["v_in"]).max(initial=0.0)) for run in (hard, soft))
     return np.maximum(parts.largest(speed), max(VELOCITY_ROUNDING_ERROR * scale, np.finfo(float).tiny))
@@ -333,7 +372,7 @@ def _sagging(soft: Trajectory, acceleration: Array) -> Array:
     """
     if not acceleration.any():
         return acceleration
-    speed, isolated_duration = acceleration, Durations(soft.law or (), soft.scene)
+    speed, isolated_duration = acceleration, isolated_durations(soft)
     # the first guess has another unit, so only the limit does not depend on units
     for _ in range(MAX_WEIGHT_ITERATIONS):
         before, duration = speed, isolated_duration(np.arange(len(speed)), speed)

@@ -104,6 +104,7 @@ class Durations:
         self.kind, each = resolved(laws, scene).in_pairs
         cache: dict[tuple[float, float], float] = {}
         self.unit, self.power, self.damping = np.array([_power_law_terms(law, cache) for law in each]).T
+        self.damped = None
         if (self.damping > -np.inf).any():
             from granular.laws import viscoelastic_restitution
 
@@ -124,14 +125,27 @@ class Durations:
         v = np.log2(np.maximum(speed, self.slowest))
         kind: Any = self.kind[pair] if len(self.unit) > 1 else 0
         log_duration: Array = self.unit[kind] + self.power[kind] * v
-        damping = np.broadcast_to(self.damping[kind], v.shape)
-        rows = damping > -np.inf
-        if rows.any():
+        if self.damped is not None:
+            damping = np.broadcast_to(self.damping[kind], v.shape)
+            rows = damping > -np.inf
             log_duration[rows] += self.damped(damping[rows] + 0.2 * v[rows])
         for k, curve in self.curves.items():
             rows = np.broadcast_to(kind == k, v.shape)
             log_duration[rows] = curve(v[rows])
         return np.exp2(log_duration)
+
+
+def isolated_durations(soft: Trajectory) -> Durations:
+    """Return the durations of isolated contacts under the laws of a soft run.
+
+    The scene stores the last result, for further calls with the same laws.
+    """
+    stored = vars(soft.scene)
+    laws, durations = stored.get("_durations", ((), None))
+    if durations is None or laws is not soft.law:
+        durations = Durations(soft.law or (), soft.scene)
+        stored["_durations"] = soft.law, durations
+    return durations  # type: ignore[no-any-return]
 
 
 class LogInterpolation:
