@@ -133,14 +133,17 @@ class Continuation:
             t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN, collapse="merge",
             merge_below=MERGING_SPEED_FACTOR * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
-    def heights(self, times: check.Array) -> check.Array:
+    def heights(self, times: check.Array, known: Trajectory | None = None) -> check.Array:
         """Heights in m above the lowest body, with radii subtracted, (len(times), n).
 
-        `times` in s increase. The heights are nan at times after the run stopped at a limit.
+        `times` in s increase. The heights are nan at times after the run stopped at a limit. `known` is a continuation
+        whose last sample can be used.
         """
         early = times <= self.before.time[-1]
         gaps = [repeat_with_samples(self.report, self.engine, times[early]).gap] if early.any() else []
-        if not early.all():
+        if known is not None and times.tolist() == [known.time[-1]]:
+            gaps = [known.gap[-1:]]
+        elif not early.all():
             run = self.run(float(times[-1]), times[~early])
             gaps.append(run.gap[run.time.searchsorted(times[~early][times[~early] <= run.time[-1]])])
         known = np.pad(np.cumsum(np.concatenate(gaps), axis=1), ((0, 0), (1, 0)))
@@ -192,9 +195,14 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     if list(bodies) == [scene.n - 1] and (known := _apex_of_last_flight(original, bounce)):
         return np.array([known])
     fall, apex_times = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), result[:, 0]
-    first = continuation.before.contacts[~np.isnan(continuation.before.contacts["t_end"])]
-    for duration in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), MAX_FALL_TIMES):
-        end = float(np.fmin(continuation.before.time[-1] + duration, apex_times.max()))
+    first, start = continuation.before.contacts, float(continuation.before.time[-1])
+    first = first[~np.isnan(first["t_end"])]
+    undisturbed = np.max([_apex(scene, first, body, bounce) for body in bodies if not scene.is_wall[body]], initial=0.0)
+    durations = fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), MAX_FALL_TIMES)
+    if 0.0 < undisturbed - start < durations[-1]:  # False for nan
+        durations = np.append(undisturbed - start, durations[durations > undisturbed - start])
+    for duration in durations:
+        end = float(np.fmin(start + duration, apex_times.max()))
         run = continuation.run(end)
         log = np.concatenate([first, run.contacts])
         apex_times[:] = [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce) for body in bodies]
@@ -203,8 +211,8 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
         if is_at_rest or run.status is not Status.time or (apex_times <= end).all():
             break
     apex_times[apex_times > run.time[-1]] = math.nan
-    times, index = np.unique(np.nan_to_num(apex_times, nan=continuation.before.time[-1]), return_inverse=True)
-    tops = np.maximum(0.0, continuation.heights(times)[index, list(bodies)])
+    times, index = np.unique(np.nan_to_num(apex_times, nan=start), return_inverse=True)
+    tops = np.maximum(0.0, continuation.heights(times, run)[index, list(bodies)])
     result[:, 1] = np.where(np.isfinite(apex_times), tops, 0.0 if is_at_rest else math.nan)
     return result
 
@@ -212,21 +220,24 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
 def _apex_of_last_flight(run: Trajectory, bounce: int) -> tuple[float, float] | None:
     """Time in s and height in m of the apex of the top ball's present flight, or None.
 
-    The flight starts at height y with velocity v, and its apex is at H = y + v²/(2 g). The ball below cannot reach the
-    top ball before, if all bodies below have together less energy than m g H, where m is the mass of the ball below. A
-    tenth of m g H is left as a margin, because bodies with overlaps can have a slightly negative energy. None if this
-    is not fulfilled, if an earlier flight decides, or if other forces act.
+    At the end of the run, the ball is at height y and has the velocity v. The apex of its flight is at H = y + v²/(2
+    g). If the apex is later, the ball below cannot reach the top ball before, if all bodies below have together less
+    energy than m g H, where m is the mass of the ball below. A tenth of m g H is left as a margin, because bodies with
+    overlaps can have a slightly negative energy. None if this is not fulfilled, if an earlier flight decides, or if
+    other forces act.
     """
     scene, log, top = run.scene, run.contacts, run.scene.n - 1
     if scene._flags or scene.is_wall.tolist() != [True] + [False] * top or scene.velocity[0] or top < 2:
         return None
     time = _apex(scene, log, top, bounce)
     last = log[log["pair"] == top - 1][-1:]["t_end"]
-    if not (len(last) and time > max(float(last[0]), float(run.time[-1]))):  # False for nan
+    if not (len(last) and time > float(last[0])):  # False for nan
         return None
     y, v = float(run.gap[-1].sum()), float(run.velocity[-1, top])
     height = y + 0.5 * v * v / scene.gravity
     energy_below = float(energy_between_surfaces(run)[-1]) - float(scene.mass[top]) * scene.gravity * height
+    if time <= run.time[-1]:
+        return time, height
     return (time, height) if energy_below < 0.9 * float(scene.mass[top - 1]) * scene.gravity * height else None
 
 
