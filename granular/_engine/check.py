@@ -21,7 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular._engine.package import EXTRAS, install
-from granular._engine.signature import Function, face as face, nearest, parameters as parameters
+from granular._engine.signature import (
+    Function,
+    face as face,
+    nearest,
+    parameters as parameters,
+    raise_call_error,
+)
 
 Array = NDArray[np.float64]
 MAX_INTEGER = 2**63 - 1
@@ -284,16 +290,21 @@ def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Functi
               for name, annotation in function.__annotations__.items()
               if name != "return" and annotation.partition("[")[0] in needed]
 
-    inner = face(function)
+    if not checked_arguments:
+        return face(function)
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         for i, name, kind, need in checked_arguments:
-            if i < len(args) or name in kwargs:
-                of_kind(name, args[i] if i < len(args) else kwargs[name], kind, need)
-        return inner(*args, **kwargs)
+            value = args[i] if i < len(args) else kwargs.get(name, kind)
+            if not isinstance(value, kind) and (i < len(args) or name in kwargs):
+                of_kind(name, value, kind, need)
+        try:  # as in `face`, in the same frame
+            return function(*args, **kwargs)
+        except TypeError as error:
+            raise_call_error(function, error)
 
-    return call if checked_arguments else inner  # type: ignore[return-value]
+    return call  # type: ignore[return-value]
 
 
 def callback(name: str, value: Any, *given: str) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -29,11 +29,19 @@ def face(target: Function) -> Function:
         try:
             return target(*args, **kwargs)
         except TypeError as error:
-            if error.__traceback__.tb_next is not None:  # type: ignore[union-attr]  # raised within the function
-                raise
-            raise _call_error(target, str(error)) from None
+            raise_call_error(target, error)
 
     return call  # type: ignore[return-value]
+
+
+def raise_call_error(function: Callable[..., Any], error: TypeError) -> NoReturn:
+    """Raise the error of a call to `function` again.
+
+    The message is replaced if the arguments do not fit the signature.
+    """
+    if error.__traceback__.tb_next is not None:  # type: ignore[union-attr]  # raised within the function
+        raise error
+    raise _call_error(function, str(error)) from None
 
 
 def _call_error(function: Callable[..., Any], message: str) -> TypeError:

@@ -133,16 +133,16 @@ class Continuation:
             t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN, collapse="merge",
             merge_below=MERGING_SPEED_FACTOR * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
-    def heights(self, times: check.Array, known: Trajectory | None = None) -> check.Array:
+    def heights(self, times: check.Array, further: Trajectory | None = None) -> check.Array:
         """Heights in m above the lowest body, with radii subtracted, (len(times), n).
 
-        `times` in s increase. The heights are nan at times after the run stopped at a limit. `known` is a continuation
-        whose last sample can be used.
+        `times` in s increase. The heights are nan at times after the run stopped at a limit. `further` is a
+        continuation whose last sample can be used.
         """
         early = times <= self.before.time[-1]
         gaps = [repeat_with_samples(self.report, self.engine, times[early]).gap] if early.any() else []
-        if known is not None and times.tolist() == [known.time[-1]]:
-            gaps = [known.gap[-1:]]
+        if further is not None and times.tolist() == [further.time[-1]]:
+            gaps = [further.gap[-1:]]
         elif not early.all():
             run = self.run(float(times[-1]), times[~early])
             gaps.append(run.gap[run.time.searchsorted(times[~early][times[~early] <= run.time[-1]])])

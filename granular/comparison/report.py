@@ -22,7 +22,7 @@ from granular._engine.reports import (
 )
 from granular.comparison import measures
 from granular.comparison.numbers import smaller_radius
-from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, PairOutcome
+from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, PairOutcome, counts
 from granular.laws.kinds import resolved
 from granular.md import isolation
 from granular.run.trajectory import Status, Trajectory
@@ -353,7 +353,8 @@ def _difference_key(p: PairOutcome) -> tuple[bool, float]:
 
     Pairs with different numbers of contacts come before all other pairs.
     """
-    return p.hard_contacts == p.soft_contacts, -float(np.nan_to_num(abs(p.soft_v_rel - p.hard_v_rel), nan=-1.0))
+    difference = abs(p.soft_v_rel - p.hard_v_rel)
+    return p.hard_contacts == p.soft_contacts, 1.0 if math.isnan(difference) else -difference
 
 
 def _energy_lines(report: ComparisonWithAnswer) -> Iterator[str]:
@@ -380,12 +381,11 @@ def _uncompared_lines(report: ComparisonWithAnswer) -> Iterator[str]:
 
     The comparison ignores such contacts.
     """
-    further, fastest = 0, 0.0
-    for p in report.pairs:
-        fewer, more = sorted((run.of(p.pair) for run in (report.settled, report.soft)), key=len)
-        if not report.other_counts[p.pair] and len(more) > len(fewer):
-            further += len(more) - len(fewer)
-            fastest = max(fastest, float(np.abs(np.diff(more["v_in"][len(fewer):])).max()))
+    further, fastest, runs = 0, 0.0, (report.settled, report.soft)
+    for c in np.flatnonzero(np.not_equal(*map(counts, runs)) & ~report.other_counts).tolist():
+        fewer, more = sorted((run.of(c) for run in runs), key=len)
+        further += len(more) - len(fewer)
+        fastest = max(fastest, float(np.abs(np.diff(more["v_in"][len(fewer):])).max()))
     if further:
         scale, unit = unit_of(fastest, "m/s", 1.0)
         yield (f"{further} further bounce{'s' * (further > 1)} {'are' if further > 1 else 'is'} not compared: at most "
@@ -401,7 +401,7 @@ def _ignored_counts(report: ComparisonWithAnswer) -> tuple[int, int]:
 def _reason_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield the reason why the engines differ, and the number of isolated contacts."""
     shared = report.overlaps
-    if not shared and report.measures["isolated_share"] < 1.0:
+    if not shared and isolation.isolated_share(report.continued[1]) < 1.0:
         yield "Why: contacts that overlap in time exert no relevant force; only the finite durations differ."
     elif not shared:
         yield "Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."
