@@ -51,7 +51,9 @@ def once_per_run(function: Callable[[Trajectory], Result]) -> Callable[[Trajecto
 
     @wraps(function)
     def with_cache(run: Trajectory) -> Result:
-        stored = vars(of_kind(argument, run, Trajectory, "a granular.Trajectory"))
+        if not isinstance(run, Trajectory):
+            of_kind(argument, run, Trajectory, "a granular.Trajectory")
+        stored = vars(run)
         if name not in stored:
             result = stored[name] = function(run)
             for array in result if isinstance(result, tuple) else (result,):
@@ -121,6 +123,7 @@ def counts(run: Trajectory) -> Any:
     return np.diff(run.by_pair[1])
 
 
+@once_per_run
 def separation_speeds(run: Trajectory) -> Array:
     """Separation speed in m/s after the last contact of every pair, (n-1,).
 
@@ -129,6 +132,7 @@ def separation_speeds(run: Trajectory) -> Array:
     return separations(run)[0]
 
 
+@once_per_run
 def sticking_speed(run: Trajectory) -> float:
     """Largest separation speed in m/s at which two hard spheres count as stuck.
 
@@ -456,9 +460,9 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
     A contact is removed if its strength is at most `MIN_CONTACT_STRENGTH` times the fastest approach speed of its
     component in either run.
     """
-    runs = hard, soft
-    fastest_of_all = max(float(approach(run).max(initial=0.0)) for run in runs)
-    if all((strengths(run) > MIN_CONTACT_STRENGTH * fastest_of_all).all() for run in runs):
+    runs, fastest_of_all = (hard, soft), max(approach(hard).max(initial=0.0), approach(soft).max(initial=0.0))
+    weakest = min(strengths(hard).min(initial=np.inf), strengths(soft).min(initial=np.inf))
+    if weakest > MIN_CONTACT_STRENGTH * fastest_of_all:
         return runs
     parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)
     for run in runs:
