@@ -39,7 +39,7 @@ MAX_REFERENCE_DIFFERENCE = 1e-3
 
 It is in units of the impact speed. If the difference is larger, the reference belongs to another scene.
 """
-REPEAT_SECONDS = 0.1
+REPEAT_SECONDS = 0.05
 """Total time in s after which a run is not repeated."""
 
 
@@ -71,7 +71,7 @@ def frontier(
         dop853+events, lsoda+events, radau+events. Defaults to all. The last six are methods of SciPy.
     repeats : int
         Maximum number of runs of each setting, of which the fastest counts. A setting is not repeated after a total
-        time of 0.1 s. Each method first runs once at its cheapest setting, which is not timed.
+        time of 0.05 s. Each method first runs once at its cheapest setting, which is not timed.
     reference : Reference, optional
         Solution of the same scene, law and stop condition. Defaults to `granular.studies.reference.solve`: SciPy's
         DOP853 restarted at events, whose reported error is 4e-12 to 7e-10 of the impact speed. Smaller errors are not

@@ -199,7 +199,7 @@ class Newton:
     def bracket(self, c: int, xi: float, eta: float) -> float:
         """Return the force of pair c in N before it is clipped."""
         xi = max(xi, 0.0)
-        return self.each[c].force(xi, eta, max(self.deepest[c], xi))
+        return float(self.each[c].given(xi, eta, max(self.deepest[c], xi)))
 
     def force(self, c: int, xi: float, eta: float) -> float:
         """Return the force of pair c in N, clipped at 0."""
@@ -213,7 +213,7 @@ class Newton:
                               "t_end= or until=, or a softer law.")
         n = self.pairs
         state = y.tolist()
-        driven = self.driven_by(self.zero + t, state)
+        driven = self.driven_by(self.zero + t, state) if self.paths else state
         force = [self.force(c, driven[c], driven[n + c]) for c in range(n)]
         rates = state[n:] + self.fall
         if self.square:

@@ -33,7 +33,7 @@ from granular.run.until import raised
 from granular.scene import Scene, positions
 from granular.scene.places import WallMeeting
 
-FIRST_CHUNK_PAIR_STEPS = 1 << 15
+FIRST_CHUNK_PAIR_STEPS = 1 << 13
 """Work before the first pause of a run: number of pairs times number of steps.
 
 At a pause the run can report its progress and switch to compiled code."""
