@@ -315,7 +315,7 @@ def _flies_until(run: Trajectory, end: float) -> bool:
 
 
 def _stay_apart(hard: Trajectory, pair: Any, until: Array) -> bool:
-    """Whether the balls of some pairs are too slow to meet, whatever the other balls do.
+    """Whether balls of some pairs are too slow to meet, whatever other balls do.
 
     Before balls i and i + 1 meet, ball i exchanges momentum only with bodies below it. Collisions do not increase
     S² = Σ m (v - V)² of ball i and the balls below, with the velocity V of the walls. Gravity increases S by at most
@@ -421,7 +421,7 @@ def with_shifted_gaps(scene: Scene) -> Scene:
         neighbour[(neighbour < 0) | (neighbour >= len(apart))] = len(apart)
         room = np.minimum(room, np.append(scene.gap[apart], math.inf)[neighbour].min(axis=1))
     shift = np.where(touches, np.where(np.isfinite(room), room, 1.0), scene.gap * sign)
-    return scene.replace(gap=scene.gap + 1e-12 * shift)
+    return scene._with_valid_gaps(scene.gap + 1e-12 * shift)
 
 
 def has_ties(run: Trajectory) -> Any:
@@ -443,12 +443,11 @@ def other_tie_rules(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[di
     balls that stick, for example after a collapse, for the TC model, and for an elastic cut-off. It is also left out
     for many bodies because it is slow. `granular.edmd.simulate` may still refuse a scene under another tie rule.
     """
-    if hard.scene.n < 3 or not has_ties(hard).any():
+    n = hard.scene.n
+    if n < 3 or not has_ties(hard).any():
         return
-    limit = min(
-        options.get("max_events", DEFAULT_MAX_EVENTS), COLLISION_LIMIT_FACTOR * (len(hard.contacts) + hard.scene.n)
-    )
-    allows_poisson = hard.scene.n <= MAX_BODIES_FOR_POISSON and "merge_below" not in hard.stats and not (
+    limit = min(options.get("max_events", DEFAULT_MAX_EVENTS), COLLISION_LIMIT_FACTOR * (len(hard.contacts) + n))
+    allows_poisson = n <= MAX_BODIES_FOR_POISSON and "merge_below" not in hard.stats and not (
         options.get("collapse") == "merge" or options.get("tc") or options.get("elastic_below"))
     for name in TIE_RULES_TO_TRY if allows_poisson else TIE_RULES_TO_TRY[:2]:
         if name != options.get("ties", "left"):

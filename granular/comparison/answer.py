@@ -18,7 +18,7 @@ yes               the error is at most `ERROR_LIMIT`, and all other balls are at
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -89,19 +89,13 @@ class Checked(ComparedRuns):
         "predictability" (D of two hard runs, see `twin`), "mass_centre_ratio" (soft over hard), "isolated_share"
         (fraction of isolated soft contacts) and "lag" in s. Values that cannot be computed are nan.
         """
-        hard, soft = self.counted
-        hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (hard, soft))
-        return {
-            "shared_impulse": measures.shared_impulse(self.soft),
-            "crowding": measures.crowding(hard, self.law),
-            "occupation": measures.occupation(soft),
-            "distance": math.nan if self._early else self._distance(differences(*self.continued)),
-            "predictability": math.nan if self._twin.status in EARLY_STATUSES else self._distance(
-                self._shift_differences),
-            "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
-            "isolated_share": isolation.isolated_share(self.continued[1]),
-            "lag": self._lag,
-        }
+        return {name: measure(self) for name, measure in MEASURES.items()}
+
+    @property
+    def _mass_centre_ratio(self) -> float:
+        """Ratio K_cm, soft over hard, or nan."""
+        hard_cm, soft_cm = map(measures.mass_centre_restitution, self.counted)
+        return soft_cm / hard_cm if hard_cm and not self._early else math.nan
 
     @property
     def _lag(self) -> float:
@@ -168,7 +162,7 @@ class Checked(ComparedRuns):
 
     @cached_property
     def _shift_differences(self) -> _check.Array:
-        """Velocity difference in m/s of each ball between the two runs of `_shifted`, (n,)."""
+        """Velocity difference in m/s of each ball between the runs of `_shifted`."""
         return differences(*self._shifted)
 
     def _with_hard_run(self, run: Trajectory) -> tuple[Trajectory, Trajectory]:
@@ -227,6 +221,20 @@ class Checked(ComparedRuns):
         return math.sqrt(float(np.nansum(mass * difference**2)) / scale) if scale > 0.0 else math.nan
 
 
+MEASURES: dict[str, Callable[[Checked], float]] = {
+    "shared_impulse": lambda report: measures.shared_impulse(report.soft),
+    "crowding": lambda report: measures.crowding(report.counted[0], report.law),
+    "occupation": lambda report: measures.occupation(report.counted[1]),
+    "distance": lambda report: math.nan if report._early else report._distance(differences(*report.continued)),
+    "predictability": lambda report: math.nan if report._twin.status in EARLY_STATUSES else report._distance(
+        report._shift_differences),
+    "mass_centre_ratio": lambda report: report._mass_centre_ratio,
+    "isolated_share": lambda report: isolation.isolated_share(report.continued[1]),
+    "lag": lambda report: report._lag,
+}
+"""Measures of a comparison by name, see `Checked.measures`."""
+
+
 class ComparisonWithAnswer(Checked):
     """Hard and soft run of a scene, with the answer and its reasons."""
 
@@ -277,7 +285,7 @@ def _component_reason(report: Checked, j: int) -> Reason:
     """Return the reason for the answer of component `j`, by the rules of this module."""
     components, error, unit = report.components, float(report.errors[j]), float(report.units[j])
     balls, pairs = (tuple(np.flatnonzero(of == j).tolist()) for of in (components.of_ball, components.of_pair))
-    miscounted = tuple(c for c in pairs if report.other_counts[c])
+    miscounted = tuple(filter(report.other_counts.__getitem__, pairs))
 
     def reason(answer: Answer, words: str, about: tuple[int, ...] = pairs) -> Reason:
         return Reason(answer, words, balls, about, error, unit)
@@ -287,7 +295,7 @@ def _component_reason(report: Checked, j: int) -> Reason:
     sinking = _sinking(report, pairs)
     if sinking and report.lying[j]:
         return reason(*sinking)
-    ties, rule = max(((float(e[j]), name) for name, e in report.tie_errors.items()), default=(0.0, ""))
+    ties, rule = max([(float(e[j]), name) for name, e in report.tie_errors.items()], default=(0.0, ""))
     if ties > ERROR_LIMIT:
         return reason(Answer.not_unique,
                       ": hard spheres have no unique answer for simultaneous collisions; the tie rules "

@@ -105,15 +105,15 @@ class Departures:
         (key, *hard_columns), (soft_key, *soft_columns) = leaving
         place = np.searchsorted(soft_key, key)
         common = soft_key[place.clip(max=len(soft_key) - 1)] == key if len(soft_key) else place < 0
-        row, side = (column[common] for column in hard_columns)
-        last, soft_side = (column[place[common]] for column in soft_columns)
+        row, side, place = hard_columns[0][common], hard_columns[1][common], place[common]
+        last, soft_side = soft_columns[0][place], soft_columns[1][place]
         is_matched_soft = np.zeros(len(soft.contacts), np.bool_)
         is_matched_soft[matching[is_matched]] = True
         duration = (soft.contacts["t_end"] - soft.contacts["t_begin"])[matching[rows], None]
         free = np.minimum(flights(hard, is_matched)[rows], flights(soft, is_matched_soft)[matching[rows]])
         k, body_side = np.nonzero(free > LONG_FLIGHT * duration)
-        row, side, last, soft_side = (np.concatenate(columns) for columns in (
-            (row, rows[k]), (side, body_side), (last, matching[rows[k]]), (soft_side, body_side)))
+        row, side = np.concatenate((row, rows[k])), np.concatenate((side, body_side))
+        last, soft_side = np.concatenate((last, matching[rows[k]])), np.concatenate((soft_side, body_side))
         self.of = self.episode[last]
         self.ball = touching_bodies(soft)[last, soft_side]
         self.time = np.array([hard.contacts["t_end"][row], soft.contacts["t_end"][last]])

@@ -110,7 +110,7 @@ def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
 
 
 def _neighbouring_rows(run: Trajectory) -> Iterator[tuple[Any, Any]]:
-    """Yield the rows of the contact log of two neighbouring pairs, if both have contacts."""
+    """Yield the log rows of two neighbouring pairs that both have contacts."""
     below, above = run.scene.neighbours
     have_contacts = (counts(run)[below] > 0) & (counts(run)[above] > 0)
     below, above = below[have_contacts], above[have_contacts]

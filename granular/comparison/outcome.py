@@ -39,10 +39,10 @@ MAX_WEIGHT_ITERATIONS = 100
 For F = k ξ^p the error decreases by the factor (p - 1)/(p + 1) per iteration, 1/5 for Hertz spheres.
 """
 
-Result = TypeVar("Result")
+_Result = TypeVar("_Result")
 
 
-def once_per_run(function: Callable[[Trajectory], Result]) -> Callable[[Trajectory], Result]:
+def _once_per_run(function: Callable[[Trajectory], _Result]) -> Callable[[Trajectory], _Result]:
     """Decorate a function of a run, so that each run stores its result.
 
     Arrays are stored read-only. An argument that is not a `Trajectory` raises `TypeError`.
@@ -50,7 +50,7 @@ def once_per_run(function: Callable[[Trajectory], Result]) -> Callable[[Trajecto
     name, argument = f"_{function.__name__}", function.__code__.co_varnames[0]
 
     @wraps(function)
-    def with_cache(run: Trajectory) -> Result:
+    def with_cache(run: Trajectory) -> _Result:
         if not isinstance(run, Trajectory):
             of_kind(argument, run, Trajectory, "a granular.Trajectory")
         stored = vars(run)
@@ -111,19 +111,19 @@ def pair_outcomes(hard: Trajectory, soft: Trajectory, cut: Trajectory) -> tuple[
     return tuple(map(PairOutcome, range(len(n_hard)), n_hard, n_soft, hard_v, soft_v, hard_t, soft_t, ongoing_))
 
 
-@once_per_run
+@_once_per_run
 def touching_bodies(run: Trajectory) -> Any:
     """Numbers of the lower and the upper body of each contact in the log, (m, 2)."""
     return np.stack(run.scene.bodies(run.contacts["pair"]), axis=1)
 
 
-@once_per_run
+@_once_per_run
 def counts(run: Trajectory) -> Any:
     """Number of contacts of every pair, shape (n-1,)."""
     return np.diff(run.by_pair[1])
 
 
-@once_per_run
+@_once_per_run
 def separation_speeds(run: Trajectory) -> Array:
     """Separation speed in m/s after the last contact of every pair, (n-1,).
 
@@ -132,7 +132,7 @@ def separation_speeds(run: Trajectory) -> Array:
     return separations(run)[0]
 
 
-@once_per_run
+@_once_per_run
 def sticking_speed(run: Trajectory) -> float:
     """Largest separation speed in m/s at which two hard spheres count as stuck.
 
@@ -144,7 +144,7 @@ def sticking_speed(run: Trajectory) -> float:
     return float(run.stats.get("merge_below", 0.0 if has_rested else -1.0))
 
 
-@once_per_run
+@_once_per_run
 def separations(run: Trajectory) -> tuple[Array, Array]:
     """Separation speed in m/s and end time in s of the last contact of every pair.
 
@@ -158,7 +158,7 @@ def separations(run: Trajectory) -> tuple[Array, Array]:
     return speed, time
 
 
-@once_per_run
+@_once_per_run
 def leaving_velocities_and_times(run: Trajectory) -> tuple[Array, Array]:
     """Velocity in m/s of each body after its last contact, and the time in s.
 
@@ -260,7 +260,7 @@ def energy_left(run: Trajectory) -> float:
     return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
 
 
-@once_per_run
+@_once_per_run
 def strengths(run: Trajectory) -> Array:
     """Strength in m/s of each contact in the log, (m,).
 
@@ -270,7 +270,7 @@ def strengths(run: Trajectory) -> Array:
     return np.asarray(np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]]))
 
 
-@once_per_run
+@_once_per_run
 def approach(run: Trajectory) -> Array:
     """Approach speed in m/s of each contact in the log at its onset, (m,).
 
@@ -358,7 +358,7 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components, weight: Array) 
         parting = log["v_out"][:, 1] - log["v_out"][:, 0]
         parting[(approach(run) > 0.0) | ~np.isfinite(parting)] = 0.0
         np.maximum.at(speed, log["pair"], np.maximum(approach(run), parting))
-    scale = max(float(np.abs(run.contacts["v_in"]).max(initial=0.0)) for run in (hard, soft))
+    scale = max([float(np.abs(run.contacts["v_in"]).max(initial=0.0)) for run in (hard, soft)])
     return np.maximum(parts.largest(speed), max(VELOCITY_ROUNDING_ERROR * scale, np.finfo(float).tiny))
 
 

@@ -190,9 +190,9 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
         lower.fall_velocity -= p[c - first] / lower.mass
         upper.fall_velocity += p[c - first] / upper.mass
     bodies = s.bodies[first : last + 2]
-    fastest = max(abs(body.fall_velocity) for body in bodies)
+    fastest = max([abs(body.fall_velocity) for body in bodies])
     # One bound for the group, because every impulse depends on all rates.
-    common_noise = max(body.noise for body in bodies) + COLLISION_NOISE * (fastest * fastest)
+    common_noise = max([body.noise for body in bodies]) + COLLISION_NOISE * (fastest * fastest)
     for body in bodies:
         body.noise = common_noise if body.mass < math.inf else body.noise
     separating = [c + 1 for c in range(first, last + 1) if abs(_rate(c, s)) > fastest * 2.0**-40]
@@ -329,7 +329,7 @@ def velocity_changes(inverse_mass: Floats, p: Floats) -> Row:
 
 def rounding_bound(rate: Floats) -> float:
     """Return a bound of the rounding error (m/s) of rates of this size."""
-    return max(abs(r) for r in rate) * 2.0**-46
+    return max(map(abs, rate)) * 2.0**-46
 
 
 def convergence_error(rule: str) -> ValueError:

@@ -17,6 +17,10 @@ from granular.scene.pair import Pairs, body_name
 from granular.scene.walls.motion import checked_motion, displacement_since
 from granular.scene.walls.thermal import Thermal
 
+GAP_INDEPENDENT = ("inverse_mass", "is_wall", "pairs", "driven", "heated", "_flags", "worked", "fed", "_wall",
+                   "_mass_fraction")
+"""Cached properties of `Scene` that do not depend on the gaps."""
+
 
 @check.face
 @dataclass(frozen=True, eq=False)
@@ -136,6 +140,17 @@ class Scene(ByNumbers):
         """
         return Scene(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
 
+    def _with_valid_gaps(self, gap: Array) -> Scene:
+        """Return a copy with other gaps, which are not checked.
+
+        The copy keeps cached properties that do not depend on the gaps.
+        """
+        copy, values = object.__new__(type(self)), vars(self)
+        kept = [name for name in (*self.__dataclass_fields__, *GAP_INDEPENDENT) if name in values]
+        vars(copy).update({name: values[name] for name in kept}, gap=gap)
+        gap.flags.writeable = False
+        return copy
+
     @property
     def n(self) -> int:
         """Number of bodies, including walls."""
@@ -163,7 +178,7 @@ class Scene(ByNumbers):
 
         `pair` can be an array. On a ring the upper body of the last pair is ball 0.
         """
-        return pair, (pair + 1) % self.n
+        return pair, (pair + 1) % len(self.mass)
 
     def sides(self, of_bodies: Any) -> tuple[Any, Any]:
         """Return the values of the lower and of the upper body of every pair.

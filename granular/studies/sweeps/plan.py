@@ -236,20 +236,25 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
     """
     shape = tuple(map(len, over.values()))
     coordinates: dict[str, Any] = {name: (name, array, plan.subject.attributes(name)) for name, array in over.items()}
-    status = {"long_name": "status", "comment": "how the run of the cell ended", "flag_values": list(STATUS_NAMES),
-              "flag_meanings": " ".join(STATUS_NAMES.values())}
+    status = {"long_name": "status", "comment": "how the run of the cell ended", **_flags(STATUS_NAMES)}
     variables = {"status": (tuple(over), values["status"].astype(np.int8).reshape(shape), status)}
     for name, result in plan.results.items():
         array = values[name].astype(np.int32) if values[name].dtype.kind == "i" else values[name]
         dims = (*over, result.dim) if result.dim else tuple(over)
         variables[name] = (dims, array.reshape(*shape, *array.shape[1:]),
-                           {"units": result.units, "long_name": name.replace("_", " "), "comment": result.about})
+                           {"units": result.units, "long_name": name.replace("_", " "), "comment": result.about,
+                            **(_flags(result.meanings) if result.meanings else {})})
         if result.dim:
             coordinates[result.dim] = result.dim, np.arange(array.shape[1]), {"comment": "counted from the bottom"}
     about = {"title": f"granular sweep of {plan.subject.title}", "question": question(plan)[0],
              "provenance": json.dumps(files.provenance())}
     data: xarray.Dataset = xarray_().Dataset(variables, coordinates, about | notes)
     return data
+
+
+def _flags(meanings: Mapping[int, str]) -> dict[str, Any]:
+    """Return the attributes of a variable whose values are codes."""
+    return {"flag_values": list(meanings), "flag_meanings": " ".join(meanings.values())}
 
 
 def question(plan: Plan) -> tuple[str, list[Any]]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from granular._engine.check import per_pair
 from granular._engine.flight import rate_at_contact
+from granular.comparison.answer import ANSWER_ORDER, MEASURES
 from granular.comparison.numbers import effective, is_drop
 from granular.comparison.outcome import combine_simultaneous, counts, energy_left, separations
 from granular.md.binary import restitution
@@ -47,6 +48,8 @@ class Result:
     many : str
         "always" if a compiled call of many cells also computes the result. "ended" if it does so only without
         unfinished contacts at the end of the run. Otherwise empty.
+    meanings : mapping
+        Names of the values, for results that are codes.
     """
 
     dim: str
@@ -55,6 +58,7 @@ class Result:
     of: Callable[[Any], Any]
     fill: Any = math.nan
     many: str = ""
+    meanings: Mapping[int, str] = field(default_factory=dict)
 
 
 def impact_speed(scene: Scene) -> float:
@@ -78,7 +82,7 @@ def common_restitution(scene: Scene, laws: Any) -> float:
 
 
 def _measure(name: str, about: str, units: str = "1") -> Result:
-    return Result("", units, about, lambda answer: answer.report.measures[name])
+    return Result("", units, about, lambda answer: MEASURES[name](answer.report))
 
 
 RESULTS = {
@@ -105,9 +109,12 @@ RESULTS = {
     "hard_time": Result("", "s", "end of the run, hard", lambda a: a.hard.time[-1]),
     "hard_energy_left": Result("", "1", "E/E0, energy at the end over that at the start, hard",
                                lambda a: energy_left(a.hard)),
-    "hard_status": Result("", "1", "status of the hard run", lambda a: STATUS_CODES[a.hard.status.name], NOT_RUN),
+    "hard_status": Result("", "1", "status of the hard run", lambda a: STATUS_CODES[a.hard.status.name], NOT_RUN,
+                          meanings=STATUS_NAMES),
     "error": Result("", "1", "largest difference of a velocity with which a ball leaves an episode of contacts, "
                     "hard to soft, per fastest impact", lambda a: a.report.error),
+    "answer": Result("", "1", "answer of the comparison", lambda a: ANSWER_ORDER.index(a.report.answer), NOT_RUN,
+                     meanings={NOT_RUN: "not_run"} | {i: answer.name for i, answer in enumerate(ANSWER_ORDER)}),
     "shared_impulse": _measure("shared_impulse", "φ: fraction of impulse exchanged while a neighbour is in contact"),
     "crowding": _measure("crowding", "p: fraction of hard collisions with a neighbour's within t_c"),
     "occupation": _measure("occupation", "Λ: fraction of time in which a pair is in contact"),
