@@ -161,7 +161,7 @@ MUTANTS = [
     # comparison of two runs
     (
         "comparison/outcome.py",
-        'order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))',
+        'order = np.lexsort((run.contacts["t_end"][rows].repeat(2), key))',
         'order = np.argsort(key, kind="stable")',
         COMPARISON_TESTS,
     ),
