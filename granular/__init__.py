@@ -29,9 +29,11 @@ if TYPE_CHECKING:
     from granular.md import binary, waves
     from granular.md.binary import restitution_of
     from granular.run import export, until
+    from granular.run.recordings import read_recording
     from granular.run.trajectory import Status, Trajectory, load
     from granular.scene import Pair, Scene, walls
     from granular.studies import adiabatic
+    from granular.studies.calibration import calibrate
     from granular.studies.extremes import stability
     from granular.studies.frontiers import frontier
     from granular.studies.sweeps.ensembles import ensemble
@@ -45,14 +47,16 @@ __version__ = VERSION
 __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair",
     "PowerLaw", "Scene", "Sensitivity", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold",
-    "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary",
+    "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "calibrate",
     "cases", "compare", "edmd", "ensemble", "export", "frontier", "load", "materials", "md", "measures",
-    "restitution_of", "scenes", "sensitivity", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
+    "read_recording", "restitution_of", "scenes", "sensitivity", "stability", "sweep", "theory", "threshold",
+    "until", "walls", "waves",
 ]
 __dir__ = __all__.copy
 __getattr__ = attributes(__name__, {
     "granular.studies.adiabatic": "adiabatic",
     "granular.cases.balls": "balls",
+    "granular.studies.calibration": "calibrate",
     "granular.md.binary": "binary restitution_of",
     "granular.cases": "cases",
     "granular.cases.case": "Case",
@@ -76,6 +80,7 @@ __getattr__ = attributes(__name__, {
     "granular.laws.theory": "theory",
     "granular.studies.threshold_result": "Threshold",
     "granular.studies.thresholds": "threshold",
+    "granular.run.recordings": "read_recording",
     "granular.run.trajectory": "Status Trajectory load",
     "granular.run.until": "until",
     "granular.scene.walls": "walls",

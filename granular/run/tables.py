@@ -96,21 +96,40 @@ def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -
         need = "a finite time in s, not before its predecessor" if len(invalid) else "an array of at least one time"
         raise ValueError(check.must(name, need, got, "Sort the samples by time." * bool(len(invalid))))
     n, sizes = scene.n, np.add(*scene.sides(scene.radius))
-    speed = _checked_table("velocity", velocity, (len(times), n))
+    speed = None if velocity is None else _checked_table("velocity", velocity, (len(times), n))
+    name, given, width = ("position", position, n) if gap is None else ("gap", gap, scene.n_pairs)
+    rows = _checked_table(name, given, (len(times), width), lost=speed is None)
+    seen = ~np.isnan(rows).any(axis=1)
+    times, rows = times[seen], rows[seen]
     if gap is None:
-        place = _checked_table("position", position, (len(times), n))
+        place = rows
         lower, upper = scene.bodies(np.arange(scene.n_pairs))
         gaps = place[:, upper] - place[:, lower] - sizes
         if scene.ring:
             gaps[:, -1] += float(scene.gap.sum() + sizes.sum())
     else:
-        gaps = _checked_table("gap", gap, (len(times), scene.n_pairs))
-        place = positions(scene, gaps, times - times[0], float(times[0]))
-    return {"scene": scene, "time": times, "position": place, "velocity": speed, "gap": gaps}
+        gaps = rows
+        place = positions(scene, gaps, times - times[:1], float(times[0])) if len(times) else np.zeros((0, n))
+    message, stats = "numbers of another program: samples without a contact log", {"contacts": math.nan}
+    if speed is None:
+        from granular.run.recordings import velocities
+
+        check.raise_if_true({check.must("time", "an array of at least 3 times with positions, without `velocity`",
+                                        f"{len(times)}"): len(times) < 3})
+        speed, errors = velocities(scene, times, place, gaps)
+        stats |= errors | {"lost_frames": len(seen) - len(times)}
+        message += (f"; velocities are central differences with a standard error of {errors['velocity_error']:.2g} m/s "
+                    f"(positions: {errors['position_error']:.2g} m), nan at the ends and next to bounces; lost frames "
+                    f"left out: {stats['lost_frames']}")
+    return {"scene": scene, "time": times, "position": place, "velocity": speed, "gap": gaps, "message": message,
+            "stats": stats}
 
 
-def _checked_table(name: str, values: Any, shape: tuple[int, int]) -> Any:
-    """Return a copy of a table of numbers, after checking its shape and values."""
+def _checked_table(name: str, values: Any, shape: tuple[int, int], lost: bool = False) -> Any:
+    """Return a copy of a table of numbers, after checking its shape and values.
+
+    With `lost`, an entry can be nan.
+    """
     try:
         if np.iscomplexobj(np.asarray(values)):
             raise TypeError
@@ -121,8 +140,9 @@ def _checked_table(name: str, values: Any, shape: tuple[int, int]) -> Any:
     if rows.shape != shape:
         advice = f"Give a row per time and a column per {'pair' if name == 'gap' else 'body, walls included'}."
         raise ValueError(check.must(name, f"an array of shape {shape}", f"an array of shape {rows.shape}", advice))
-    if not np.isfinite(rows).all():
-        row, column = np.argwhere(~np.isfinite(rows))[0]
+    invalid = np.argwhere(~np.isfinite(rows) & ~(lost & np.isnan(rows)))
+    if len(invalid):
+        row, column = invalid[0]
         raise ValueError(check.must(f"{name}[{row}, {column}]", "a finite number", f"{rows[row, column]}"))
     return rows
 

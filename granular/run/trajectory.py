@@ -356,24 +356,25 @@ class Trajectory(LazyContacts):
 
     @classmethod
     def from_arrays(
-        cls, scene: Scene, time: Any, *, position: Any = None, gap: Any = None, velocity: Any
+        cls, scene: Scene, time: Any, *, position: Any = None, gap: Any = None, velocity: Any = None
     ) -> Trajectory:
-        """Create a run from arrays that another program has computed.
+        """Create a run from arrays of another program, or from a recording.
 
         The run can be plotted, written, and compared with both engines.
 
         Parameters
         ----------
         scene : Scene
-            Initial state of the other program.
+            Initial state of the other program or of the experiment.
         time : (T,) array
-            Times in s, not decreasing.
+            Times in s, not decreasing. Without `velocity` they must increase.
         position : (T, n) array
             Positions in m of all bodies including walls, from the bottom up. Either `position` or `gap` is required.
         gap : (T, n-1) array, (T, n) on a ring
             Distances between surfaces in m, as an alternative to `position`.
-        velocity : (T, n) array
-            Velocities in m/s of all bodies including walls.
+        velocity : (T, n) array, optional
+            Velocities in m/s of all bodies including walls. By default they are central differences of the positions,
+            see the notes.
 
         Returns
         -------
@@ -382,18 +383,25 @@ class Trajectory(LazyContacts):
         Raises
         ------
         TypeError, ValueError
-            If shapes do not match, times decrease, or a number is not finite.
+            If shapes do not match, times decrease, a number is not finite, or balls overlap by more than the mean of
+            their radii in a recording without velocities.
 
         Notes
         -----
         The result contains only samples, without law, rule, forces and state. Its contact log is empty, because samples
         do not determine the onsets and ends of contacts. Its energy does not include the elastic energy of overlaps.
+
+        Without `velocity`, samples whose position is nan are lost frames and left out. The velocity is the central
+        difference over three samples. It is nan for the first and the last sample, and next to each change of velocity
+        that is too large for free flight, because a difference across a bounce is meaningless. The standard error σ of
+        a position is estimated from the scatter of the samples about free flight in `scene`. The velocity error is
+        σ/(√2 h) for a time step h: 21 mm/s for 1 mm at 30 Hz. Both are in `message` and in ``stats["position_error"]``
+        and ``stats["velocity_error"]``. Fit positions, not these velocities.
         """
         from granular.run import tables
 
         parts = tables.of_arrays(scene, time, position, gap, velocity)
-        return cls(**parts, law=None, rule=None, force=None, contacts=np.zeros(0, CONTACT), status=Status.time,
-                   message="numbers of another program: samples without a contact log", stats={"contacts": math.nan})
+        return cls(**parts, law=None, rule=None, force=None, contacts=np.zeros(0, CONTACT), status=Status.time)
 
     @classmethod
     def load(cls, path: str | PathLike[str], law: Any = None, rule: Any = None) -> Trajectory:

@@ -49,8 +49,8 @@ CALLS = {
     "constructor": (lambda: gr.Hertz.from_material(0.5, stif=1.0),
                     "`Hertz.from_material` has no parameter `stif`; see help(Hertz.from_material)."),
     "measure": (lambda: gr.measures.height(runn=1), "`height` has no parameter `runn`; did you mean `run`?"),
-    "from arrays": (lambda: gr.Trajectory.from_arrays(SCENE, [0.0], position=[[0.0] * 4]),
-                    "`Trajectory.from_arrays` requires `velocity`, which is missing."),
+    "from arrays": (lambda: gr.Trajectory.from_arrays(SCENE, position=[[0.0] * 4]),
+                    "`Trajectory.from_arrays` requires `time`, which is missing."),
     "two missing": (lambda: gr.compare(), "`compare` requires `scene`, `law`, which are missing."),
     "positional": (lambda: gr.md.simulate(SCENE, LAW, 1.0), "`simulate` takes 2 positional arguments, got 3. Pass the "
                                                             "other arguments by name."),

@@ -1,0 +1,153 @@
+"""Recordings of experiments: tables with units, velocities from positions."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from granular._engine import check, files
+from granular.scene import Scene
+
+SI_FACTORS = {
+    "": 1.0, "s": 1.0, "ms": 1e-3, "µs": 1e-6, "μs": 1e-6, "us": 1e-6, "min": 60.0, "m": 1.0, "km": 1e3, "dm": 0.1,
+    "cm": 1e-2, "mm": 1e-3, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "m/s²": 1.0, "m/s^2": 1.0,
+}
+"""Factor to the SI unit for each unit that a header can contain."""
+CLOCKS = {"t", "time", "zeit", "temps", "tempo", "tiempo", "tijd", "czas"}
+"""Names of a first column that contains the times of the rows."""
+NUMBERS = re.compile(r"(?=.*\d)(?:[\s\"';,+\-.\d]|[eE](?=[+\-\d])|nan)+", re.IGNORECASE)
+"""A line of numbers, which can have empty cells."""
+NAME_AND_UNIT = re.compile(r"^\s*(.*?)[\s/]*(?:[(\[]\s*([^(\[]*?)\s*[)\]]|/\s*([^/]*?))?\s*$")
+"""Header of a column, such as "y (cm)", "y [cm]", "y / cm" or "y"."""
+BOUNCE, NEAR_BOUNCE = 5.0, 3.0
+"""Changes of velocity in standard errors from which they are bounces.
+
+The second number is for samples from which a contact is within reach.
+"""
+MIN_FREE = 8
+"""Number of samples in free flight from which the noise is determined."""
+MAX_OVERLAP = 0.5
+"""Largest overlap of a recorded pair, in units of the sum of its radii.
+
+Overlaps that are larger by more than noise are mistakes in positions.
+"""
+
+
+@check.face
+def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = None) -> dict[str, check.Array]:
+    """Read a table with units in its header, as phyphox and Tracker export it.
+
+    Columns are separated by tabs, semicolons or commas, and numbers have a decimal point or a decimal comma. The
+    header is the last line above the numbers, such as ``"Time (s)","Height (cm)"`` or ``t;y / mm``. Lines above it are
+    ignored. Times, lengths, speeds and accelerations are converted to SI units. A column without a unit is not
+    converted, and an empty cell is nan.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    columns : sequence of str, optional
+        Names of the columns to read, without their units. Defaults to all.
+
+    Returns
+    -------
+    dict of str to array
+        The columns in SI units by name, in the order of `columns`. If the first of several columns of the file is a
+        clock (``t``, ``time``), its times must increase.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    ValueError
+        If a column is missing, a unit or a number cannot be read, or times are out of order.
+    """
+    name = repr(files.checked_source("path", path))
+    lines = [line for line in Path(path).read_text("utf-8-sig", "replace").splitlines() if line.strip()]
+    is_numeric = [bool(NUMBERS.fullmatch(line)) for line in lines]
+    start = is_numeric.index(True) if any(is_numeric) else 0
+    if start == 0 or not all(is_numeric[start:]):
+        got = repr(lines[start + is_numeric[start:].index(False)]) if start else "no line of names above numbers"
+        raise ValueError(f"File {name} must have a line with the names of the columns and, below it, lines of numbers "
+                         f"only, got {got}.")
+    separator = next((s for s in "\t;," if s in lines[start - 1]), "\t")
+    header, *rows = csv.reader([lines[start - 1].rstrip(separator), *lines[start:]], delimiter=separator)
+    titles, *units = zip(*[NAME_AND_UNIT.findall(cell)[0] for cell in header], strict=True)
+    check.raise_if_true({
+        f"File {name} has the same name {titles} for several columns; rename them.": len(set(titles)) < len(titles),
+        f"File {name} has rows with more cells than its header {titles}.": any(
+            cell.strip() for row in rows for cell in row[len(titles):])})
+    check.known_names(columns or (), titles, f"column of {name}")
+    found = {}
+    for title in columns or titles:
+        k = titles.index(title)
+        unit, others = units[0][k] or units[1][k], [other for other in titles if other != title]
+        check.raise_if_true({check.misuse(
+            f"the unit of column {title!r}", unit, f"one of {', '.join(SI_FACTORS)[2:]}",
+            f"To read other columns, give columns={others}."): unit not in SI_FACTORS})
+        cells = [(row[k] if k < len(row) else "").strip().replace(",", ".") or "nan" for row in rows]
+        found[title] = check.array(title, SI_FACTORS[unit] * np.array(cells, dtype=float))
+        if k == 0 and others and title.lower() in CLOCKS:
+            check.every(title, found[title], np.diff(found[title], prepend=-np.inf) > 0.0,
+                        "a time in s after the one in the row before it", "Sort the rows by time.")
+    return found
+
+
+def velocities(
+    scene: Scene, time: check.Array, position: check.Array, gap: check.Array
+) -> tuple[check.Array, dict[str, float]]:
+    """Return velocities by central differences of positions, and their error.
+
+    The difference over three samples is exact for constant acceleration, also at unequal steps. It does not exist for
+    the first and the last sample, and next to a bounce, where both sides disagree by more than noise: there it is nan.
+    A bounce that changes the velocity by less than three standard errors of this change cannot be found.
+
+    Parameters
+    ----------
+    time : (T,) array
+        Times in s, T ≥ 3, strictly increasing.
+    position, gap : (T, n) and (T, n-1) arrays
+        Positions of all bodies and gaps in m.
+
+    Returns
+    -------
+    velocity : (T, n) array
+        Velocities in m/s.
+    errors : dict of str to float
+        "position_error", the standard error σ of a position in m, from the scatter of the second differences about
+        free flight in `scene`. "velocity_error", that of a velocity in m/s at the median step h, σ/(√2 h).
+    """
+    check.every("time", time, np.diff(time, prepend=-np.inf) > 0.0, "larger than the one before it, without `velocity`")
+    step, ball = np.diff(time)[:, None], ~scene.is_wall
+    slope, before, after = np.diff(position, axis=0) / step, step[:-1], step[1:]
+    swing = scene.pendulum**2 * (position[1:-1] - scene.at_rest) * ball
+    # change of velocity less that of free flight, in units in which its standard error is the one of a position
+    change = np.abs(np.diff(slope, axis=0) - 0.5 * (scene.fall - swing) * (before + after)) / np.sqrt(
+        before**-2.0 + after**-2.0 + (1.0 / before + 1.0 / after) ** 2) * ball
+    # pairs that can touch within one step, and their bodies, which do not show the noise unless all are like that
+    near = gap[1:-1] <= 0.5 * np.abs(scene.closing_acceleration) * step.max() ** 2 + np.maximum(
+        *(np.abs(np.diff(rows, axis=0)) for rows in (gap[:-1], gap[1:])))
+    touched = sum(near @ np.eye(scene.n)[side] for side in scene.bodies(np.arange(scene.n_pairs))) > 0.0
+    free = change[ball & ~touched] if (ball & ~touched).sum() >= MIN_FREE else change[:, ball]
+    # rounding, and the part of a swing that is not parabolic
+    least = 4.0 * np.spacing(np.abs(position).max()) + np.abs(swing).max() * scene.pendulum**2 * step.max() ** 4
+    # the median is 0.6745 of the standard error, but bounces increase it: it only separates them
+    sigma = float(max(np.sqrt(np.mean(free[free <= BOUNCE * max(np.median(free) / 0.6745, least)] ** 2)), least))
+    limit = MAX_OVERLAP * np.add(*scene.sides(scene.radius))
+    check.raise_if_true({check.must(
+        f"the overlap of pair {scene.pairs[pair].name} in sample {row}",
+        f"at most half the sum of its radii, {limit[pair]:.3g} m", f"{-gap[row, pair]:.3g} m",
+        "Positions are those of centres in m, from the bottom up."): True
+        for row, pair in np.argwhere((gap < -limit - BOUNCE * sigma) & (limit > 0.0))[:1].tolist()})
+    bounce = np.pad(change > sigma * np.where(touched, NEAR_BOUNCE, BOUNCE), ((1, 1), (0, 0)))
+    # two neighbours have the bounce between them; with one sample alone it can be on either side
+    alone = bounce & ~np.roll(bounce, 1, axis=0) & ~np.roll(bounce, -1, axis=0)
+    velocity = np.pad((after * slope[:-1] + before * slope[1:]) / (before + after), ((1, 1), (0, 0)),
+                      constant_values=np.nan)
+    velocity[bounce | np.roll(alone, 1, axis=0) | np.roll(alone, -1, axis=0)] = np.nan
+    return velocity, {"position_error": sigma, "velocity_error": sigma / (2.0**0.5 * float(np.median(step)))}
