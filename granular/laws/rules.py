@@ -88,6 +88,94 @@ class TabulatedRestitution:
         e = _unit_interval(check.array("restitution", restitution, v.shape, fix="Give one per speed."))
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
+    @classmethod
+    def from_intervals(cls, intervals: Any, gravity: float = 9.81, *, sigma_t: float = 0.0) -> TabulatedRestitution:
+        """Return the table of a bouncing ball from the intervals between its bounces.
+
+        An interval T is one flight: the ball leaves one bounce and hits the next one at the speed g T/2. Neighbouring
+        intervals give ε of the bounce between them, the ratio of the second to the first. Drag and the durations of
+        contacts are neglected.
+
+        Parameters
+        ----------
+        intervals : (k+1,) array
+            Times in s between successive bounces, as an acoustic stopwatch shows them, each shorter than the one before
+            it, with k ≥ 2. Times of bounces on a clock are refused: use ``numpy.diff(times)``.
+        gravity : float
+            g in m/s². Defaults to 9.81.
+        sigma_t : float
+            Standard error in s of the time of one bounce. Defaults to 0. An interval has √2 times this error, and a
+            late bounce makes one interval longer and the next one shorter. `covariance` contains both.
+
+        Returns
+        -------
+        TabulatedRestitution
+            With `covariance` and `standard_error`.
+        """
+        g, sigma = check.number("gravity", gravity, above=0.0), check.number("sigma_t", sigma_t, at_least=0.0)
+        late = sigma * np.diff(np.eye(np.size(intervals) + 1), axis=0)
+        return cls._of_ratios("intervals", intervals, 1.0, lambda t: 0.5 * g * t, late @ late.T,
+                              "If these are times of bounces, use numpy.diff(times).")
+
+    @classmethod
+    def from_heights(cls, heights: Any, gravity: float = 9.81, *, sigma_h: float = 0.0) -> TabulatedRestitution:
+        """Return the table of a bouncing ball from its drop and rebound heights.
+
+        The ball hits the floor at the speed √(2 g h). Neighbouring heights give ε of the bounce between them, the
+        square root of the ratio of the second to the first. Drag is neglected.
+
+        Parameters
+        ----------
+        heights : (k+1,) array
+            Heights in m of the lowest point of the ball above the floor: where it is dropped, and after each bounce.
+            Each is lower than the one before it, and k ≥ 2.
+        gravity : float
+            g in m/s². Defaults to 9.81.
+        sigma_h : float
+            Standard error in m of each height. Defaults to 0.
+
+        Returns
+        -------
+        TabulatedRestitution
+            With `covariance` and `standard_error`.
+        """
+        g, sigma = check.number("gravity", gravity, above=0.0), check.number("sigma_h", sigma_h, at_least=0.0)
+        return cls._of_ratios("heights", heights, 0.5, lambda h: np.sqrt(2.0 * g * h),
+                              sigma**2 * np.eye(np.size(heights)), "The drop height is the first.")
+
+    @classmethod
+    def _of_ratios(
+        cls, name: str, series: Any, power: float, speed: Callable[[Any], Any], covariance: Any, fix: str
+    ) -> TabulatedRestitution:
+        """Return the table of ε = (y_(j+1)/y_j)^power from a decreasing series y.
+
+        `covariance` is that of y, and `speed` computes the speed of impact from y. `name` is the name of the series in
+        messages, and `fix` the last sentence of the message about an entry that is larger than the one before it.
+        """
+        y = check.positive(name, series, "number")
+        check.raise_if_true({check.must(name, f"an array of at least 3 {name}, before, between and after two bounces",
+                                        f"{len(y)}"): len(y) < 3})
+        check.every(name, y, np.diff(y, prepend=math.inf) < 0.0, "smaller than the entry before it (ε < 1)", fix)
+        e = (y[1:] / y[:-1]) ** power
+        slopes = power * e[:, None] * np.diff(np.eye(len(y)), axis=0) / y
+        table = cls(speed(y[-2::-1]), e[::-1])
+        table.__dict__["_covariance"] = (slopes @ covariance @ slopes.T)[::-1, ::-1]
+        return table
+
+    @property
+    def covariance(self) -> check.Array:
+        """Covariance matrix (k, k) of the entries of `restitution`.
+
+        It is 0 unless the table is made from measurements with an error. Neighbours are correlated, because they share
+        a measured value. Files do not store it.
+        """
+        return np.array(self.__dict__.get("_covariance", np.zeros((len(self.speed), len(self.speed)))))
+
+    @property
+    def standard_error(self) -> check.Array:
+        """Standard error of each entry of `restitution`, from `covariance`."""
+        return np.sqrt(np.diag(self.covariance))
+
     def __call__(self, speed: float, pair: Pair) -> float:
         """Return ε at impact `speed` (m/s), the same for every pair."""
         v, e = self.__dict__["_rows"]

@@ -104,3 +104,72 @@ def test_a_text_is_no_coefficient():
     with pytest.raises(TypeError, match=r"`rule` must be a function with the arguments \(speed, pair\), got "
                                         r"\(speed, \*, pair\)"):
         gr.edmd.simulate(scene, lambda speed, *, pair: 0.8)
+
+
+def test_intervals_of_a_ball_give_its_rule_back() -> None:
+    """The hard run with the table repeats the recorded intervals."""
+    recorded = np.array([0.46, 0.368, 0.2981, 0.244, 0.2])
+    rule = TabulatedRestitution.from_intervals(recorded)
+    assert rule.speed == pytest.approx(0.5 * 9.81 * recorded[-2::-1], rel=1e-15)
+    assert rule.restitution == pytest.approx((recorded[1:] / recorded[:-1])[::-1], rel=1e-15)
+    ball = Scene([math.inf, 0.05], [0.0, 0.02], [0.0], [0.0, 0.5 * 9.81 * recorded[0]], gravity=9.81)
+    onsets = gr.edmd.simulate(ball, rule, until=gr.until.contact(pair=0, nth=6)).contacts["t_begin"]
+    assert np.diff(onsets, prepend=0.0) == pytest.approx(recorded, rel=1e-13)
+
+
+def test_heights_of_a_ball_give_its_rule_back() -> None:
+    recorded = np.array([1.0, 0.64, 0.43, 0.3])
+    rule = TabulatedRestitution.from_heights(recorded, gravity=1.62)
+    assert rule.speed == pytest.approx(np.sqrt(2.0 * 1.62 * recorded[-2::-1]), rel=1e-15)
+    ball = Scene([math.inf, 0.05], [0.0, 0.02], [1.0], [0.0, 0.0], gravity=1.62)
+    speeds = gr.edmd.simulate(ball, rule, until=gr.until.contact(pair=0, nth=4)).contacts["v_out"][:, 1]
+    assert speeds**2 / (2.0 * 1.62) == pytest.approx(recorded[1:], rel=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["intervals", "heights"])
+def test_errors_of_a_table_are_those_of_many_noisy_recordings(kind: str) -> None:
+    rng, sigma, n = np.random.default_rng(3), 1e-4, 4000
+    exact = np.array([0.46, 0.368, 0.298, 0.244, 0.2])
+    if kind == "intervals":
+        rule = TabulatedRestitution.from_intervals(exact, sigma_t=sigma)
+        noisy = exact + sigma * np.diff(rng.normal(size=(n, 6)), axis=1)
+        found = (noisy[:, 1:] / noisy[:, :-1])[:, ::-1]
+    else:
+        rule = TabulatedRestitution.from_heights(exact, sigma_h=sigma)
+        noisy = exact + sigma * rng.normal(size=(n, 5))
+        found = np.sqrt(noisy[:, 1:] / noisy[:, :-1])[:, ::-1]
+    error = rule.standard_error
+    assert error == pytest.approx(np.sqrt(np.diag(rule.covariance)), rel=1e-15)
+    assert np.cov(found.T) / np.outer(error, error) == pytest.approx(
+        rule.covariance / np.outer(error, error), abs=4.0 * math.sqrt(2.0 / n))
+    neighbour = rule.covariance[0, 1] / (error[0] * error[1])
+    assert neighbour < -0.4, "a value that two ratios share makes one larger and the other smaller"
+
+
+def test_a_table_that_is_not_measured_has_no_errors() -> None:
+    assert not TabulatedRestitution([1.0, 2.0], [0.9, 0.8]).covariance.any()
+    assert not TabulatedRestitution.from_heights([1.0, 0.6, 0.3]).standard_error.any()
+
+
+@pytest.mark.parametrize(("make", "sentence"), [
+    (lambda: TabulatedRestitution.from_intervals([0.4, 0.3]),
+        r"^`intervals` must be an array of at least 3 intervals, before, between and after two bounces, got 2\.$"),
+    (lambda: TabulatedRestitution.from_heights([1.0, 0.8]),
+        r"^`heights` must be an array of at least 3 heights, before, between and after two bounces, got 2\.$"),
+    (lambda: TabulatedRestitution.from_intervals([0.4, 0.3, 0.31, 0.2]),
+        r"^`intervals\[2\]` must be smaller than the entry before it \(ε < 1\), got 0\.31\. If these are times of "
+        r"bounces, use numpy\.diff\(times\)\.$"),
+    (lambda: TabulatedRestitution.from_intervals([0.4, 0.7, 0.9, 1.0]), r"^`intervals\[1\]` must be smaller .*diff"),
+    (lambda: TabulatedRestitution.from_heights([1.0, 0.5, 0.6]),
+        r"^`heights\[2\]` must be smaller than the entry before it \(ε < 1\), got 0\.6\. The drop height is the "
+        r"first\.$"),
+    (lambda: TabulatedRestitution.from_heights([1.0, math.nan, 0.6]),
+        r"^`heights\[1\]` must be positive and finite, got nan\.$"),
+    (lambda: TabulatedRestitution.from_intervals([0.4, 0.3, 0.2], gravity=0.0),
+        r"^`gravity` must be a finite number above 0, got 0\.0\.$"),
+    (lambda: TabulatedRestitution.from_intervals([0.4, 0.3, 0.2], sigma_t=-1.0),
+        r"^`sigma_t` must be a finite number of at least 0, got -1\.0\.$"),
+])
+def test_a_series_that_gives_no_table_is_one_sentence(make, sentence) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        make()
