@@ -91,7 +91,11 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
             f"the unit of column {title!r}", unit, f"one of {', '.join(SI_FACTORS)[2:]}",
             f"To read other columns, give columns={others}."): unit not in SI_FACTORS})
         cells = [(row[k] if k < len(row) else "").strip().replace(",", ".") or "nan" for row in rows]
-        found[title] = check.array(title, SI_FACTORS[unit] * np.array(cells, dtype=float))
+        try:
+            found[title] = check.array(title, SI_FACTORS[unit] * np.array(cells, dtype=float))
+        except ValueError as error:
+            raise ValueError(f"File {name} must have numbers in column {title!r}, got "
+                             f"{str(error).partition(': ')[2]}.") from None
         if k == 0 and others and title.lower() in CLOCKS:
             check.every(title, found[title], np.diff(found[title], prepend=-np.inf) > 0.0,
                         "a time in s after the one in the row before it", "Sort the rows by time.")

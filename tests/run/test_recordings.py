@@ -55,6 +55,7 @@ WRONG = {
                           "'2,lost'.",
     "t,y\n0,5,1,2\n": "has rows with more cells than its header ('t', 'y').",
     "t,y,y\n1,2,3\n": "has the same name ('t', 'y', 'y') for several columns; rename them.",
+    "t,y\n0,1\n1,2..5\n": "must have numbers in column 'y', got '2..5'.",
     "t,y (px)\n1,2\n": "The unit of column 'y' must be one of s, ms, µs, ",
     "t,y\n1,2\n3,4\n2,5\n": "`t[2]` must be a time in s after the one in the row before it, got 2.0. Sort the rows by "
                             "time.",
