@@ -89,9 +89,7 @@ def calibrate(
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, or the model does not return N finite numbers.
-    RuntimeError
-        If the fit does not converge.
+        If an argument is invalid, the model does not return N finite numbers, or the fit does not converge.
 
     Examples
     --------
