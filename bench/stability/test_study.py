@@ -34,6 +34,7 @@ def quick() -> StabilityReport:
     return stability(quick=True)
 
 
+@pytest.mark.thirds
 def test_quick_study_of_every_axis_and_method(quick: StabilityReport) -> None:
     assert set(quick.methods) == set(ALL_METHODS)
     assert set(AXES) <= set(quick.axes)
@@ -214,6 +215,7 @@ def test_a_run_that_ends_at_rest_before_its_end_is_found() -> None:
     assert cell.truth.error(run, None) == math.inf
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("tol", [1e-4, 1e-9])
 def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
     estimates = []

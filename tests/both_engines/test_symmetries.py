@@ -221,6 +221,7 @@ def test_elastic_hard_spheres_run_back(scene: gr.Scene) -> None:
     assert back.contacts["pair"].tolist() == there.contacts["pair"].tolist()[::-1]
 
 
+@pytest.mark.thirds
 @quick(8)
 @given(soft_scenes(ELASTIC, walls=MOVING, gaps=("wide", "equal", "overlapping"), **SMALL))
 def test_elastic_soft_spheres_run_back(drawn: Any) -> None:
@@ -234,6 +235,7 @@ def test_elastic_soft_spheres_run_back(drawn: Any) -> None:
     assert np.allclose(back.gap[-1], scene.gap, rtol=0, atol=1e-9 * (size(there) + abs(scene.gap).max()))
 
 
+@pytest.mark.thirds
 @quick(7)
 @given(soft_scenes(NO_MEMORY, gaps=ALL, **SMALL))
 def test_soft_spheres_in_two_parts(drawn: Any) -> None:

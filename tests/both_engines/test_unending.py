@@ -119,6 +119,7 @@ def checks_only(scene, rule, **options):
         gr.edmd.simulate(scene, rule, on_event=stop, **options)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("count", [50, pytest.param(150, marks=pytest.mark.soak)])
 def test_what_ends_is_not_refused(count):
     """A random elastic scene that ends with a status of its own is in no class."""

@@ -27,6 +27,7 @@ def test_a_ball_that_rests_sinks_as_far_as_it_will(law, answer, height) -> None:
     assert gr.measures.static_overlaps(found.soft) == pytest.approx([9.81 / law.k], rel=1e-12)
 
 
+@pytest.mark.thirds
 def test_static_overlaps_are_those_of_a_run_that_has_settled() -> None:
     rng = np.random.default_rng(3)
     for law in (gr.LinearDashpot(1e4, 60.0), gr.ViscoelasticHertz(1e6, 4e4)):

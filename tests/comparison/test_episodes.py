@@ -148,6 +148,7 @@ def dropped_stacks():
     return [one for one in reports if not math.isnan(one.error) and max(one.shifts, default=0.0) <= 1e-10]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("units", "close"), [((2.0**10, 2.0**10, 2.0**6), 1e-12), ((1e3, 1e3, 1e9), 1e-6)])
 def test_units_change_nothing(units, close):
     reports = dropped_stacks()

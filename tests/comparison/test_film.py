@@ -71,6 +71,7 @@ def test_one_slow_motion_where_it_is_asked_for_or_nothing_falls(two, cradle):
     assert list(Story(window(bouncing), 5.0, 10).acts) == ["slow"]  # contacts and flights take turns
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("name", "charts"), [("two", True), ("cradle", False)])
 def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, request):
     pictures = Story(request.getfixturevalue(name), 1.0, 10, charts=charts).pictures()

@@ -74,6 +74,7 @@ def test_collapses_and_sticking_are_the_same(eps) -> None:
         assert plain.message == fast.message
 
 
+@pytest.mark.thirds
 def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
     scene = gas(1, 200, 3.0)
     one = ConstantRestitution(1.0)

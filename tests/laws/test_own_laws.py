@@ -113,6 +113,7 @@ def test_a_ball_on_a_damped_law_comes_to_rest(t_end):
         assert run.contacts["impulse"].sum() == pytest.approx(9.81 * t_end, rel=1e-13)
 
 
+@pytest.mark.thirds
 def test_a_pile_at_rest_wakes_when_it_is_hit():
     scene = gr.Scene([math.inf, 1.0, 1.0], [0, 0.5, 0.5], [0.01, 9.0], [0, 0, 0], 9.81)
     run = gr.md.simulate(scene, Stiffening(), t_end=20.0, samples=5)
@@ -121,6 +122,7 @@ def test_a_pile_at_rest_wakes_when_it_is_hit():
     assert run.velocity[-1].tolist() == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.thirds
 def test_balls_that_settle_where_the_force_is_zero_stay_there():
     scene = gr.Scene([0.07, 1.0], [0.5, 0.5], [0.01], [0.9, 0.0])
     run = gr.md.simulate(scene, Cohesive(), t_end=0.1, until=gr.until.contact(0, 2))
@@ -128,6 +130,7 @@ def test_balls_that_settle_where_the_force_is_zero_stay_there():
     assert len(run.contacts) == 1
 
 
+@pytest.mark.thirds
 def test_a_contact_that_takes_all_speed_is_a_rule_of_zero():
     law = gr.LinearDashpot(1e4, 30.0)
     assert gr.binary.restitution_of([law, law])(1.0, gr.scenes.three_balls().pairs[0]) > 0.0

@@ -54,6 +54,7 @@ def test_auto_changes_to_compiled_under_way(monkeypatch: pytest.MonkeyPatch) -> 
     assert changed.contacts.tobytes() == plain.contacts.tobytes()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 def test_solve_many_is_simulate_many_times(engine: str) -> None:
     """A map over the gap: counts, times and velocities are those of single runs, bit for bit."""

@@ -96,6 +96,7 @@ def test_tsuji_maps_onto_the_dashpot():
         assert binary.collision(gr.TsujiHertz(1e3, alpha), UNIT, 0.7).restitution == pytest.approx(mapped, rel=1e-13)
 
 
+@pytest.mark.thirds
 def test_inverse_for_every_law_with_damping():
     @dataclass(frozen=True)
     class Own:

@@ -325,6 +325,7 @@ def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):
 STRICT = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'self'\">"
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("policy", [STRICT, STRICT.replace("default", "script")])
 def test_where_scripts_are_forbidden_the_page_says_so(tab, live, tmp_path, policy) -> None:
     html = Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8")

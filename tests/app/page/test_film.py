@@ -207,6 +207,7 @@ OscillatorNode.prototype.start = function (when) {
 """
 
 
+@pytest.mark.thirds
 def test_four_clicks_are_heard_against_one(own, story) -> None:
     go(own, f"{story}#scene=newtons-cradle&eps=1&gap=0&n=5&k=1e7&lang=en")
     own.run(HEARD)
