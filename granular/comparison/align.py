@@ -83,7 +83,7 @@ def equalize_counts(hard: Trajectory, soft: Trajectory, options: Mapping[str, An
     Two kinds of pairs do not wait for a missing contact: hard spheres that touch at the start and have not collided by
     the end, and pairs that rest at the end of one run while their balls bounce ever lower in the other run.
     """
-    if not np.isnan(soft.contacts["t_end"]).any() and (counts(hard) == counts(soft)).all():
+    if _is_settled(hard, soft):
         return hard, soft
     needed_counts, stop_time = np.maximum(counts(hard), counts(soft)), float(soft.time[-1])
     latest_onset, followed_until = _latest_onsets(hard, soft, needed_counts), _followed_until(soft, stop_time)
@@ -102,6 +102,11 @@ def equalize_counts(hard: Trajectory, soft: Trajectory, options: Mapping[str, An
     hard, continued = counted(hard, continued)
     return _timely_contacts(hard, latest_onset[0], needed_counts), _without_late_ends(
         _timely_contacts(continued, latest_onset[1], needed_counts), until)
+
+
+def _is_settled(hard: Trajectory, soft: Trajectory) -> bool:
+    """Whether both runs have equal numbers of contacts, all of which have ended."""
+    return bool((counts(hard) == counts(soft)).all()) and not np.isnan(soft.contacts["t_end"]).any()
 
 
 def follow_contacts(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:

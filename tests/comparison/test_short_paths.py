@@ -1,0 +1,65 @@
+"""Runs that need not be continued are not, and the comparison is the same as if they were."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.comparison import align
+from tests.helpers.scenes_of_outcomes import OUTCOME_KINDS, outcome_question
+
+pytestmark = pytest.mark.usefixtures("interpreted")
+CHECKS = {"_is_settled": False, "_flies_until": False, "_stay_apart": False}
+"""Tests that a continuation is not needed, and the value that has every run continued."""
+LONG_KINDS = ("pile_hit", "boost")
+
+
+def numbers(report):
+    """All numbers of a report that the continuation can change."""
+    hard, soft = report.continued
+    return (report.answer, report.verdict, report.errors.tolist(), report.units.tolist(),
+            hard.contacts.tobytes(), soft.contacts.tobytes(), report.other_counts.tolist(), str(report))
+
+
+def compared(question, end):
+    scene, law, rule, t_end = question
+    return gr.compare(scene, law, *([rule] if rule else []), t_end=t_end, max_events=5_000, **end)
+
+
+@pytest.mark.thirds
+@pytest.mark.parametrize("kind", OUTCOME_KINDS)
+def test_short_paths_change_nothing(kind, monkeypatch):
+    """Stops at a contact leave the other run with fewer contacts, so that something is missing to be waited for."""
+    used = Counter()
+    for seed in range(2 if kind in LONG_KINDS else 8):
+        question = outcome_question(kind, seed)
+        floor = np.isinf(question[0].mass[0])
+        end = {"until": gr.until.contact(0, 1 + seed % 2)} if floor or question[0].ring else {}
+        with monkeypatch.context() as patch:
+            for name in CHECKS:
+                check = getattr(align, name)
+                patch.setattr(align, name, lambda *given, check=check, name=name: note(used, name, check(*given)))
+            short = numbers(compared(question, end))
+        with monkeypatch.context() as patch:
+            for name, value in CHECKS.items():
+                patch.setattr(align, name, lambda *given, value=value: value)
+            assert numbers(compared(question, end)) == short, seed
+    assert used["_is_settled"] + used["_stay_apart"] > 0
+
+
+def note(used, name, value):
+    used[name] += bool(value)
+    return value
+
+
+def test_slow_balls_below_a_fast_one_are_not_waited_for():
+    """A light ball that flies away cannot be met within the delay that is allowed."""
+    scene = gr.scenes.three_balls(gap=1e-4)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    report = gr.compare(scene, law, until=gr.until.contact(0, 2))
+    hard, missing = report.counted[0], np.array([1])
+    end = float(hard.time[-1])
+    assert align._stay_apart(hard, missing, np.full(2, end + 0.04))
+    assert not align._stay_apart(hard, missing, np.full(2, end + 4.0))  # by then they may have met
+    assert align._stay_apart(hard, missing[:0], np.full(2, end + 4.0))
