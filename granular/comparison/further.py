@@ -1,7 +1,7 @@
 """Quantities of a comparison that need further runs.
 
-They are the effective ε of hard spheres, heights and times of apexes, the fraction of the impulse on the floor that is
-exchanged while balls 1 and 2 touch each other, and the difference between a run of another program and both engines.
+They are the effective ε of hard spheres, heights and times of apexes, and the fraction of the impulse on the floor that
+is exchanged while balls 1 and 2 touch each other.
 
 The apex of a ball is the first highest point of a flight that it reaches before its next contact. With a bounce number
 above 1, only flights after that contact with the floor count. If the run stops before the apex, it is continued, with
@@ -21,7 +21,7 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine import check
-from granular.comparison.outcome import ERROR_LIMIT, energy_between_surfaces
+from granular.comparison.outcome import energy_between_surfaces
 from granular.edmd.physics import GROUP, TIE_ORDERS
 from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 from granular.run.until import Separated
@@ -41,8 +41,6 @@ MAX_EVENTS_PER_RUN = 3000
 MAX_STEPS_PER_RUN = 10 * MAX_EVENTS_PER_RUN
 """Limit on the steps of each soft run. A pile that settles has few events."""
 Flight = tuple[float, float, float]
-MAX_PRINTED_BALLS = 12
-"""Maximum number of balls that are printed: those with the largest differences."""
 
 
 def roots(function: Callable[[float], float], grid: check.Array, scale: float) -> tuple[float, ...]:
@@ -287,90 +285,3 @@ def floor_share(report: Any) -> float:
     run = repeat_with_samples(report, "soft", np.unique(spans))
     momentum = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
     return float(np.diff(momentum[np.searchsorted(run.time, spans)], axis=1).sum() / total)
-
-
-@dataclass(frozen=True, eq=False)
-class Against:
-    """Velocities of a third run minus the velocities of both engines.
-
-    Attributes
-    ----------
-    time : (T,) array
-        Times in s of the samples of the third run.
-    unit : (n,) array
-        Unit in m/s of each ball: the unit U of its component. Balls without contacts have the largest unit.
-    hard, soft : (T, n) arrays
-        Difference between the third run and the hard or the soft run, in these units. nan for walls, and after the end
-        of a run that stopped early.
-    """
-
-    time: check.Array
-    unit: check.Array
-    hard: check.Array
-    soft: check.Array
-
-    def __str__(self) -> str:
-        # last and largest difference of every ball, for hard spheres (rows 0, 1) and soft spheres (rows 2, 3)
-        rows = [row for differences in (self.hard, self.soft)
-                for row in (_last_known_differences(differences), np.fmax.reduce(np.abs(differences)))]
-        balls = np.flatnonzero(np.isfinite(rows[3]) | np.isfinite(rows[1]))
-        shown = np.sort(balls[np.argsort(-np.nan_to_num(rows[3][balls]), kind="stable")][:MAX_PRINTED_BALLS])
-        head = f"{'last known':>12}{'largest':>10}  {f'beyond {ERROR_LIMIT} from':<22}"
-        lines = [f"{'velocities less those of':26}{'hard spheres':<46}soft spheres", f"{'':24}{head}{head}".rstrip()]
-        for i in shown.tolist():
-            words = [f"{last[i]:>12.3g}{largest[i]:>10.3g}  {self._since(differences[:, i]):<22}"
-                     for differences, last, largest in zip((self.hard, self.soft), rows[::2], rows[1::2], strict=True)]
-            lines.append(f"ball {i:<4}of {self.unit[i]:8.3g} m/s{words[0]}{words[1]}".rstrip())
-        return "\n".join([*lines, *[f"({len(balls) - len(shown)} balls that are nearer not shown)"]
-                          * (len(shown) < len(balls))])
-
-    def _since(self, apart: check.Array) -> str:
-        """Time from which a ball differs by more than `ERROR_LIMIT`, as text.
-
-        If the ball agrees until a run stopped early, the text contains the time of the last comparison.
-
-        Parameters
-        ----------
-        apart : (T,) array
-            Differences of the ball in its unit.
-        """
-        off, known = np.flatnonzero(np.abs(apart) > ERROR_LIMIT), np.flatnonzero(np.isfinite(apart))
-        if len(off):
-            return f"t = {self.time[off[0]]:.9g} s"
-        return "never" if len(known) == len(apart) else (
-            f"not up to {self.time[known[-1]]:.6g} s" if len(known) else "not known")
-
-
-def _last_known_differences(apart: check.Array) -> check.Array:
-    """Absolute value of the last known difference of each ball, (n,)."""
-    row = len(apart) - 1 - np.isfinite(apart)[::-1].argmax(axis=0)
-    return np.asarray(np.abs(np.take_along_axis(apart, row[None], axis=0)[0]))
-
-
-def against(report: Any, run: Trajectory) -> Against:
-    """Compare a run of another program with a report, see `Comparison.against`."""
-    check.of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
-    for name in ("mass", "radius"):
-        expected, got = getattr(report.scene, name), getattr(run.scene, name)
-        if expected.shape != got.shape or not np.allclose(expected, got, rtol=1e-9, atol=0.0):
-            raise ValueError(f"`run` must be of the same scene: its {name} must be "
-                             f"{np.array2string(expected, threshold=6)}, got {np.array2string(got, threshold=6)}.")
-    start, first = float(report.soft.time[0]), float(run.time[0])
-    if first < start:
-        raise ValueError(f"`run.time[0]` must be at least {start:g} s, the start of the scene, got {first!r}. Shift "
-                         "its clock.")
-    other_unit = report.units.max(initial=0.0) or speed_scale(report.scene) or 1.0  # of balls that touch nothing
-    unit = np.append(report.units, other_unit)[report.components.of_ball]
-    differences = [_velocity_differences(run, repeat_with_samples(report, engine, run.time, further=True), unit)
-                   for engine in ("hard", "soft")]
-    return Against(run.time, unit, *differences)
-
-
-def _velocity_differences(theirs: Trajectory, ours: Trajectory, unit: check.Array) -> check.Array:
-    """Velocity difference of two runs in the unit of each ball, (T, n).
-
-    It is computed at the times of `theirs`. It is nan for walls, and at times at which `ours` has no sample.
-    """
-    row = np.searchsorted(ours.time, theirs.time).clip(max=len(ours.time) - 1)
-    known = (ours.time[row] == theirs.time)[:, None] & ~ours.scene.is_wall
-    return np.where(known, (theirs.velocity - ours.velocity[row]) / unit, np.nan)

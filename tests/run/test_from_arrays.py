@@ -79,7 +79,7 @@ def test_each_engine_is_no_way_off_itself_and_verlet_a_little():
     expected = (verlet(times).velocity - ours["soft"].velocity) / float(REPORT.units[0])
     assert np.array_equal(apart.soft, expected)
     assert 0.0 < np.abs(apart.soft).max() < 1e-2
-    assert re.search(r"^ball 0 .* never$", str(apart), re.M)
+    assert re.search(r"^ball 0, soft .* never$", str(apart), re.M)
 
 
 def test_walls_have_no_difference_and_the_first_that_is_large_is_named():
@@ -92,10 +92,9 @@ def test_walls_have_no_difference_and_the_first_that_is_large_is_named():
     apart = report.against(gr.Trajectory.from_arrays(FLOOR, times, gap=ours.gap, velocity=velocity))
     assert np.isnan(apart.soft[:, 0]).all()
     assert np.allclose(apart.soft[4:, 2], 0.02)
-    lines = str(apart).splitlines()
-    assert lines[2].startswith("ball 1 ")
-    assert lines[2].endswith("never")
-    assert lines[3].endswith(f"t = {times[4]:.9g} s")
+    assert re.search(r"^ball 1, soft .*  never$", str(apart), re.M)
+    assert re.search(rf"^ball 2, soft .*  from t = {times[4]:.9g} s$", str(apart), re.M)
+    assert "ball 0" not in str(apart)
 
 
 def test_it_is_said_from_when_on_for_both_engines_and_up_to_when_for_one_that_stopped():
@@ -105,19 +104,21 @@ def test_it_is_said_from_when_on_for_both_engines_and_up_to_when_for_one_that_st
     times = np.linspace(0.0, 3.0, 31)
     ours = gr.md.simulate(scene, report.law, t_end=3.0, samples=times)
     lines = str(report.against(ours)).splitlines()
-    assert re.fullmatch("velocities less those of +hard spheres +soft spheres", lines[0])
+    table = lines.index("velocity less that of  U, m/s  last, U  largest, U  beyond 0.01 U")
     apart = report.against(ours).hard
     row = int(np.flatnonzero(np.isfinite(apart[:, 1]))[-1])
     late = times[np.flatnonzero(np.abs(apart[:, 1]) > 0.01)[0]]
     last, most = abs(apart[row, 1]), np.nanmax(np.abs(apart[:, 1]))
-    assert re.fullmatch(rf"ball 1 .* m/s +{last:.3g} +{most:.3g}  t = {late:.9g} s +0 +0  never", lines[2])
+    assert re.fullmatch(rf"ball 1, hard +\S+ +{last:.3g} +{most:.3g}  from t = {late:.9g} s", lines[table + 1])
+    assert re.fullmatch(r"ball 1, soft +\S+ +0 +0  never", lines[table + 2])
+    assert re.fullmatch(rf"velocity of ball 1, m/s +{times[row]:.6g}( +\S+){{3}}", lines[table - 5])
     rows = gr.edmd.simulate(scene, report.rule, t_end=3.0, samples=times)
     early = gr.Trajectory.from_arrays(scene, times, gap=np.vstack([rows.gap, ours.gap[len(rows.time):]]),
                                       velocity=np.vstack([rows.velocity, ours.velocity[len(rows.time):]]))
-    nearer = str(report.against(early)).splitlines()[2]
-    assert f"  not up to {times[row]:.6g} s " in nearer
+    nearer = str(report.against(early)).splitlines()[table + 1]
+    assert nearer.endswith(f"  not up to {times[row]:.6g} s")
     alone = report.against(gr.Trajectory.from_arrays(scene, [2.0], gap=ours.gap[20:21], velocity=ours.velocity[20:21]))
-    assert "nan  not known  " in str(alone).splitlines()[2]
+    assert re.search(r"^ball 1, hard .* nan +nan  not known$", str(alone), re.M)
 
 
 def test_runs_that_cannot_be_compared():
@@ -127,9 +128,6 @@ def test_runs_that_cannot_be_compared():
     with pytest.raises(ValueError, match=r"`run` must be of the same scene: its mass must be \[1\.  2\.  0\.5\], "
                                          r"got \[inf  1\.  2\.\]\."):
         REPORT.against(run)
-    with pytest.raises(ValueError, match=r"`run\.time\[0\]` must be at least 0 s, the start of the scene, got "
-                                         r"-1\.0\. Shift its clock\."):
-        REPORT.against(gr.Trajectory.from_arrays(LINE, [-1.0, 0.0], gap=np.zeros((2, 2)), velocity=np.zeros((2, 3))))
     with pytest.raises(ValueError, match=r"`run` must have laws or rules to be saved this way\. Save numbers of "
                                          r"another program as \.csv or \.extxyz, or with to_xarray\(\)\."):
         gr.Trajectory.from_arrays(LINE, **ROWS).save("never.npz")

@@ -1,0 +1,230 @@
+"""Runs of other programs and recordings, compared with both models.
+
+The clock of a recording, or of another program, rarely begins with the scene. Its offset minimizes the mean square root
+of the differences from a model. Samples at which both agree therefore decide, and samples after a collision with
+another outcome have little weight. The first sample, positions and free flights are checked as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from granular._engine import check
+from granular._engine.reports import aligned
+from granular.comparison.answer import Answer
+from granular.comparison.further import repeat_with_samples
+from granular.comparison.outcome import ERROR_LIMIT
+from granular.run.trajectory import Trajectory
+from granular.scene import speed_scale
+
+ENGINES = "hard", "soft"
+MAX_PRINTED_BALLS = 12
+"""Maximum number of printed balls: those with the largest differences."""
+SAME_STATE = 1e-6
+"""Largest difference of two equal states.
+
+For gaps it is divided by the extent of the line, and for their rates by the unit. Numbers of single precision, or with
+seven printed digits, fulfil it.
+"""
+MEANINGS = {
+    Answer.no: "Hard and soft spheres differ: a difference from one of them is not an error of the other run.",
+    Answer.not_unique: "Hard spheres have several outcomes: a difference from them is not an error of the other run.",
+    Answer.not_ball_by_ball: "Rounding decides about single balls: a difference is not an error of the other run.",
+}
+"""Meaning of differences for the answers of a report."""
+
+
+@dataclass(frozen=True, eq=False)
+class Against:
+    """A third run next to the runs of both engines.
+
+    Attributes
+    ----------
+    report : Comparison
+        The comparison of both engines.
+    notes : tuple of str
+        Sentences on clock, first sample, positions and free flights of the third run.
+    offset : float
+        Time in s on the clock of the third run at the time 0 of the scene.
+    time : (T,) array
+        Times in s of the samples of the third run, on the clock of the scene.
+    unit : (n,) array
+        Unit in m/s of each ball: the unit U of its component. Balls without contacts have the largest unit.
+    hard, soft : (T, n) arrays
+        Velocity difference between the third run and the hard or the soft run, in these units. nan for walls, and
+        where one of the velocities is unknown.
+    velocity, gap : (3, T, n) and (3, T, n-1) arrays
+        Velocities in m/s and gaps in m of the third run, of hard and of soft spheres. Those of the engines are nan
+        before the start of the scene, and after the end of a run that stopped early.
+    """
+
+    report: Any
+    notes: tuple[str, ...]
+    offset: float
+    time: check.Array
+    unit: check.Array
+    hard: check.Array
+    soft: check.Array
+    velocity: check.Array
+    gap: check.Array
+
+    def __str__(self) -> str:
+        scene, engines = self.report.scene, {"hard": np.abs(self.hard), "soft": np.abs(self.soft)}
+        balls, largest = np.flatnonzero(~scene.is_wall), np.nan_to_num(np.fmax.reduce(engines["soft"]))
+        shown = np.sort(balls[np.argsort(-largest[balls], kind="stable")][:MAX_PRINTED_BALLS]).tolist()
+        pairs = sorted({c for i in shown for c in (i - 1, i) if 0 <= c < scene.n_pairs})
+        values = [["last common sample", "t, s", "theirs", "hard", "soft"],
+                  *([f"velocity of ball {i}, m/s", *self._last(self.velocity[..., i])] for i in shown),
+                  *([f"gap {scene.pairs.name(c)}, m", *self._last(self.gap[..., c])] for c in pairs)]
+        rows = [["velocity less that of", "U, m/s", "last, U", "largest, U", f"beyond {ERROR_LIMIT} U"],
+                *([f"ball {i}, {engine}", f"{self.unit[i]:.3g}", *self._differences(apart[:, i])]
+                  for i in shown for engine, apart in engines.items())]
+        hidden = len(balls) - len(shown)
+        return "\n".join([
+            *_first_lines(self.report, self.offset, *self.notes), "", aligned(values, "<>"), "", aligned(rows, "<>>><"),
+            *[f"({hidden} balls that are nearer not shown)"] * bool(hidden)])
+
+    def _last(self, values: check.Array) -> list[str]:
+        """Time and numbers of the last sample at which most of `values` (3, T) are known."""
+        known = np.isfinite(values).sum(axis=0)[::-1]
+        k = len(known) - 1 - int(known.argmax())
+        return [f"{number:.6g}" for number in (self.time[k], *values[:, k])]
+
+    def _differences(self, apart: check.Array) -> list[str]:
+        """Last and largest difference of a ball, and when it exceeds the limit, as text.
+
+        The limit is `ERROR_LIMIT`. If the ball agrees until a run stopped early, the text contains the time of the last
+        comparison.
+
+        Parameters
+        ----------
+        apart : (T,) array
+            Absolute differences of the ball in its unit.
+        """
+        known, since = np.flatnonzero(np.isfinite(apart)).tolist(), "not known"
+        if known:
+            off, end = self.time[apart > ERROR_LIMIT].tolist(), self.time[known[-1]]
+            agrees = "never" if known[-1] == len(apart) - 1 else f"not up to {end:.6g} s"
+            since = f"from t = {off[0]:.9g} s" if off else agrees
+        return [*(f"{value:.3g}" for value in (apart[(known or [-1])[-1]], np.fmax.reduce(apart))), since]
+
+
+def _first_lines(report: Any, offset: float, *notes: str) -> list[str]:
+    """Lines with the verdict, the meaning of differences, the clock, and `notes`."""
+    clock = f"Clock: their t = {offset:.9g} s is t = 0 of the scene, to which the times below refer."
+    texts = report.verdict, MEANINGS.get(report.answer, ""), clock * bool(offset), *notes
+    return [line for text in texts for line in wrap(text, 80, subsequent_indent="  ")]
+
+
+def against(report: Any, run: Trajectory) -> Against:
+    """Compare a run of another program with a report, see `Comparison.against`."""
+    check.of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
+    scene = report.scene
+    for name in ("mass", "radius"):
+        expected, got = getattr(scene, name), getattr(run.scene, name)
+        if expected.shape != got.shape or not np.allclose(expected, got, rtol=1e-9, atol=0.0):
+            raise ValueError(f"`run` must be of the same scene: its {name} must be "
+                             f"{np.array2string(expected, threshold=6)}, got {np.array2string(got, threshold=6)}.")
+    other_unit = report.units.max(initial=0.0) or speed_scale(scene) or 1.0  # of balls that touch nothing
+    unit = np.append(report.units, other_unit)[report.components.of_ball]
+    offset = _clock_offset(report, run, other_unit)
+    run = replace(run, time=run.time - offset)
+    engines = [_states(report, engine, run.time) for engine in ENGINES]
+    gap, velocity = (np.array(arrays) for arrays in zip((run.gap, run.velocity), *engines, strict=True))
+    hard, soft = np.where(scene.is_wall, math.nan, (velocity[0] - velocity[1:]) / unit)
+    notes = tuple(_sample_notes(report, run, gap, velocity, unit))
+    return Against(report, notes, offset, run.time, unit, hard, soft, velocity, gap)
+
+
+def _states(report: Any, engine: str, times: check.Array) -> tuple[check.Array, check.Array]:
+    """Gaps in m and velocities in m/s of an engine at any times, from a further run.
+
+    They are nan before the start of the scene, and after the end of a run that stopped early.
+    """
+    start = report.soft.time[0]
+    run = repeat_with_samples(report, engine, np.unique(np.append(times[times >= start], start)), further=True)
+    row = np.searchsorted(run.time, times).clip(max=len(run.time) - 1)
+    known = (run.time[row] == times)[:, None]
+    return np.where(known, run.gap[row], math.nan), np.where(known, run.velocity[row], math.nan)
+
+
+def _clock_offset(report: Any, run: Trajectory, unit: float) -> float:
+    """Time in s on the clock of `run` at the time 0 of the scene.
+
+    If the first sample is the initial state of the scene, the offset is its time. Otherwise it is searched. It is 0 if
+    a model agrees at 0, if nothing moves, or if no offset reduces the misfit to a half, which is a quarter of the
+    differences.
+
+    Parameters
+    ----------
+    unit : float
+        Largest unit in m/s.
+    """
+    scene = report.scene
+    size = SAME_STATE * np.abs([run.position[0], scene.offsets(scene.gap)]).max()
+    rate = np.abs(scene.across(run.velocity[0] - scene.velocity)).max()
+    if not (np.fmax.reduce(run.gap) - np.fmin.reduce(run.gap) > size).any():
+        return 0.0
+    if np.abs(run.gap[0] - scene.gap).max() <= size and rate <= SAME_STATE * unit:  # False for nan
+        return float(run.time[0] - report.soft.time[0])
+    misfits, offsets, at_zero = zip(*(_fitted_offset(report, engine, run) for engine in ENGINES), strict=True)
+    is_better = min(at_zero) > SAME_STATE**0.5 and min(misfits) < 0.5 * min(at_zero)
+    return offsets[int(np.argmin(misfits))] if is_better else 0.0
+
+
+def _fitted_offset(report: Any, engine: str, run: Trajectory) -> tuple[float, float, float]:
+    """Smallest misfit of an engine, its offset in s, and the misfit at the offset 0.
+
+    The misfit is the mean square root of the differences of gaps, over the range of the recorded gaps. It is 1 where
+    the engine has no state. Interpolation by cubic polynomials is exact in free flight. Before its start the scene is
+    in its initial state, like a ball that is held.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    start, length, some = report.soft.time[0], np.ptp(run.time), slice(None, None, len(run.time) // 300 + 1)
+    end = max(report.hard.time[-1], report.soft.time[-1])
+    # a fraction of the time between two contacts, but no more than a second or so of work
+    count = min(max(20 * len(getattr(report, engine).contacts), 2000), 20_000)
+    knots = np.linspace(start, end if report.scene.fed else end + length, count)
+    ours = repeat_with_samples(report, engine, knots, further=True)
+    spline = CubicHermiteSpline(ours.time, ours.gap, report.scene.across(ours.velocity), extrapolate=False)
+    time, recorded = run.time[some], run.gap[some]
+    extent = float(np.fmax.reduce(recorded, axis=None) - np.fmin.reduce(recorded, axis=None))
+    offsets = time[0] - np.linspace(end, start - length, count)
+    for _ in range(12):  # finer grids, down to rounding errors
+        step, offsets = offsets[1] - offsets[0], np.append(offsets, 0.0)
+        misfits = [float(np.nan_to_num(np.sqrt(np.abs(recorded - spline(np.maximum(time - offset, start))) / extent),
+                                       nan=1.0).mean()) for offset in offsets.tolist()]
+        best = float(offsets[np.argmin(misfits)])
+        offsets = best + step * np.linspace(-1.0, 1.0, 41)
+    return min(misfits), best, misfits[-1]
+
+
+def _sample_notes(
+    report: Any, run: Trajectory, gap: check.Array, velocity: check.Array, unit: check.Array
+) -> Iterator[str]:
+    """Yield sentences on shifted positions and a first sample against the scene.
+
+    The tolerance of the first sample is 1 % of the unit for velocities. For gaps it is 1 % of the gap in the scene and
+    of the path since the start, and a rounding error.
+    """
+    scene, start = report.scene, float(report.soft.time[0])
+    elapsed = max(0.0, float(run.time[0]) - start)
+    size = SAME_STATE * np.abs(run.position[0]).max()
+    if scene._wall is not None and abs(shift := run.position[0, scene._wall] - scene.anchor(elapsed, start)) > size:
+        yield f"Positions: the wall is shifted by {shift:.4g} m. Only gaps are compared."
+    for values, limit, name, unit_name in (
+            (gap[:, 0], size + ERROR_LIMIT * (scene.gap + unit.max() * elapsed), "gap {} is", "m"),
+            (np.where(scene.is_wall, 0.0, velocity[:, 0]), ERROR_LIMIT * unit, "velocity of ball {} is", "m/s")):
+        apart = np.nan_to_num(np.abs(values[0] - values[1:]).min(axis=0) / limit)
+        if apart[k := int(apart.argmax())] > 1.0:
+            theirs, hard, soft = (f"{value:.6g}" for value in values[:, k])
+            what = name.format(scene.pairs.name(k) if unit_name == "m" else k)
+            yield (f"The first sample contradicts the scene: at t = {run.time[0]:.6g} s the {what} {theirs} "
+                   f"{unit_name}, not {hard} (hard) or {soft} (soft).")

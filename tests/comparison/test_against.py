@@ -1,0 +1,140 @@
+"""Runs of other programs and recordings next to both engines: their clock, first sample, flights and bounces.
+
+The truth is a run of one engine whose clock, positions or velocities are altered, or a fall with drag in small steps.
+"""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import granular as gr
+
+INF = math.inf
+SCENES = {
+    "drop": (gr.Scene([INF, 1.0], [0.0, 0.05], [1.0], [0.0, 0.0], gravity=9.81), gr.LinearDashpot(1e6, 100.0), 2.0),
+    "two balls": (gr.Scene([INF, 1.0, 0.3], [0.0, 0.05, 0.03], [0.5, 0.1], [0.0, 1.0, 0.0], gravity=9.81),
+                  gr.Hertz(1e9), 1.0),
+    "line": (gr.Scene([1.0, 2.0, 0.5], [0.05] * 3, [0.01, 0.2], [2.0, 0.0, -1.0]), gr.ViscoelasticHertz(1e8, 1e3), 0.5),
+    "pendula": (gr.Scene([1.0, 2.0, 0.5], [0.05] * 3, [0.01, 0.02], [2.0, 0.0, -1.0], pendulum=4.0),
+                gr.LinearDashpot(1e6, 100.0), 2.0),
+}
+DROP = SCENES["drop"][0]
+REPORT = gr.compare(DROP, SCENES["drop"][1], t_end=2.0)
+"""A ball that bounces three times in 2 s."""
+
+
+def run_of(report, engine, times):
+    options = {"t_end": float(times[-1]), "samples": times}
+    return gr.edmd.simulate(report.scene, report.rule, **options) if engine == "hard" else gr.md.simulate(
+        report.scene, report.law, **options)
+
+
+def theirs(run, clock=0.0, position=0.0, velocity=0.0, unknown=()):
+    """A run as another program would give it, on another clock, with velocities of some samples unknown."""
+    other = gr.Trajectory.from_arrays(run.scene, run.time + clock, position=run.position + position,
+                                      velocity=run.velocity + velocity)
+    speeds = other.velocity.copy()
+    speeds[list(unknown)] = math.nan
+    return replace(other, velocity=speeds)
+
+
+def offset_is_found(name, engine, rng, samples):
+    scene, law, end = SCENES[name]
+    report = REPORT if name == "drop" else gr.compare(scene, law, t_end=end)
+    times = np.sort(rng.uniform(0.0, end, samples))
+    clock, unknown = float(rng.uniform(-3.0, 3.0)), np.flatnonzero(rng.random(samples) < rng.choice([0.0, 0.5, 1.0]))
+    apart = report.against(theirs(run_of(report, engine, times), clock, unknown=unknown))
+    assert apart.offset == pytest.approx(clock, rel=0.0, abs=1e-12)
+    assert np.allclose(apart.time, times, rtol=0.0, atol=1e-12)
+    assert np.allclose(apart.gap[0], apart.gap[1 if engine == "hard" else 2], rtol=0.0, atol=1e-11)
+    known = ~np.isin(np.arange(samples), unknown)
+    balls = ~scene.is_wall
+    difference = getattr(apart, engine)[:, balls]
+    assert np.isnan(difference[~known]).all()
+    # a sample within a stiff contact changes fast
+    assert np.abs(difference[known]).max(initial=0.0) < 1e-8
+    assert not apart.notes
+    assert f"Clock: their t = {apart.offset:.9g} s is t = 0 of the scene" in str(apart)
+
+
+@pytest.mark.parametrize(("name", "engine"), [("drop", "hard"), ("line", "soft")])
+def test_the_clock_of_a_run_is_found_to_rounding(name, engine):
+    offset_is_found(name, engine, np.random.default_rng([7, len(name)]), 40)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("engine", ["hard", "soft"])
+def test_clocks_are_found_to_rounding_over_scenes_and_samples(name, engine):
+    rng = np.random.default_rng([8, len(name), len(engine)])
+    for samples in (5, 20, 20, 100, 100, 1000):
+        offset_is_found(name, engine, rng, samples)
+
+
+def test_a_first_sample_in_the_initial_state_gives_the_clock_of_balls_that_touch():
+    """No offset makes the models agree with (-1/3, 0, 0, 2/3, 2/3); and the answer says whose fault it is not."""
+    scene = gr.Scene([1.0] * 5, [0.05] * 5, [0.0] * 4, [1.0, 0.0, 0.0, 0.0, 0.0])
+    after = np.array([-1.0, 0.0, 0.0, 2.0, 2.0]) / 3.0
+    other = gr.Trajectory.from_arrays(scene, [0.7, 0.8], position=scene.position + np.outer([0.0, 0.1], after),
+                                      velocity=[scene.velocity, after])
+    apart = gr.compare(scene, gr.LinearDashpot(1e6)).against(other)
+    assert apart.offset == 0.7
+    words = " ".join(str(apart).split())
+    assert words.startswith("Not uniquely: ")
+    assert "a difference from them is not an error of the other run" in words
+    assert "velocity of ball 4, m/s 0.1 0.666667 1 0.9424" in words
+    assert np.allclose(apart.velocity[:, 1, 3], [2 / 3, 0.0, 0.296218], atol=1e-6)
+
+
+def test_nothing_that_moves_has_no_clock_and_one_before_the_scene_is_unknown_there():
+    rest = gr.Scene([1.0, 2.0], [0.1, 0.1], [0.5], [0.0, 0.0])
+    report = gr.compare(rest, gr.LinearDashpot(1e5), t_end=1.0)
+    still = gr.Trajectory.from_arrays(rest, [-1.0, 0.5], gap=[[0.5]] * 2, velocity=np.zeros((2, 2)))
+    apart = report.against(still)
+    assert apart.offset == 0.0
+    assert np.isnan(apart.soft[0]).all()
+    assert not apart.soft[1].any()
+
+
+@pytest.mark.parametrize(("altered", "sentence"), [
+    ({"position": [0.0, 0.5]}, r"at t = 0 s the gap floor–1 is 1\.5 m, not 1 \(hard\) or 1 \(soft\)\."),
+    ({"position": [0.0, -0.2]}, r"at t = 0 s the gap floor–1 is 0\.8 m, not 1 \(hard\) or 1 \(soft\)\."),
+    ({"position": 0.5}, r"Positions: the wall is shifted by 0\.5 m\. Only gaps are compared\."),
+    ({"velocity": [0.0, 1.0]}, r"the velocity of ball 1 is 1 m/s, not 0 \(hard\) or 0 \(soft\)\."),
+])
+@pytest.mark.parametrize("engine", ["hard", "soft"])
+def test_shifted_positions_and_a_first_sample_that_contradicts_the_scene_are_said(altered, sentence, engine):
+    run = run_of(REPORT, engine, np.linspace(0.0, 2.0, 61))
+    assert not REPORT.against(theirs(run)).notes
+    apart = REPORT.against(theirs(run, **altered))
+    assert apart.offset == 0.0
+    (note,) = apart.notes
+    assert re.search(sentence, note)
+    assert note in " ".join(str(apart).split())
+
+
+def test_a_table_has_the_numbers_side_by_side_with_units_in_80_columns():
+    scene = gr.Scene([1.0] * 20, [0.05] * 20, [1e-3] * 19, [1.0] + [0.0] * 19)
+    report = gr.compare(scene, gr.LinearDashpot(1e6, 10.0))
+    run = run_of(report, "soft", np.linspace(0.0, 0.1, 11))
+    text = str(report.against(theirs(run)))
+    assert max(map(len, text.splitlines())) <= 80
+    assert "velocity of ball 11, m/s" in text
+    assert "gap 11–12, m" in text
+    assert "gap 12–13, m" not in text
+    assert "(8 balls that are nearer not shown)" in text
+    assert re.search(r"^ball 0, soft +1 +0 +0  never$", text, re.M)
+
+
+def test_a_held_ball_that_is_filmed_has_the_clock_of_its_release():
+    """30 frames per second, errors of 1 mm, and half a second before the ball is released."""
+    time = np.arange(60) / 30.0
+    run = run_of(REPORT, "soft", np.maximum(time - 0.5, 0.0)[15:])
+    places = np.concatenate([np.repeat(run.position[:1], 15, axis=0), run.position])
+    places[:, 1] += np.random.default_rng(1).normal(0.0, 1e-3, 60)
+    apart = REPORT.against(gr.Trajectory.from_arrays(DROP, time + 3.0, position=places))
+    assert apart.offset == pytest.approx(3.5, abs=5e-4)
+    assert not apart.notes
