@@ -138,7 +138,7 @@ def against(report: Any, run: Trajectory) -> Against:
     engines = [_states(report, engine, run.time) for engine in ENGINES]
     gap, velocity = (np.array(arrays) for arrays in zip((run.gap, run.velocity), *engines, strict=True))
     hard, soft = np.where(scene.is_wall, math.nan, (velocity[0] - velocity[1:]) / unit)
-    notes = tuple(_sample_notes(report, run, gap, velocity, unit))
+    notes = *_sample_notes(report, run, gap, velocity, unit), *_flight_notes(report, run)
     return Against(report, notes, offset, run.time, unit, hard, soft, velocity, gap)
 
 
@@ -228,3 +228,38 @@ def _sample_notes(
             what = name.format(scene.pairs.name(k) if unit_name == "m" else k)
             yield (f"The first sample contradicts the scene: at t = {run.time[0]:.6g} s the {what} {theirs} "
                    f"{unit_name}, not {hard} (hard) or {soft} (soft).")
+
+
+def _flight_notes(report: Any, run: Trajectory) -> Iterator[str]:
+    """Yield a sentence on the first ball whose flight is not a parabola of the scene.
+
+    The longest flight of each ball counts. It consists of samples between which the ball cannot have touched a
+    neighbour, at twice the largest speed of any run. The deviation is fitted by a polynomial of third degree. It must
+    exceed ten standard errors, 3e-5 of the height of the flight, and three times the smallest step between recorded
+    positions. An acceleration that is wrong by 0.1 % causes 1e-4 of the height.
+    """
+    size = SAME_STATE * np.fmax.reduce(np.abs(run.position), axis=None)
+    scene, rows = report.scene, np.unique(run.time.clip(min=report.soft.time[0]), return_index=True)[1]
+    time, gap, step = run.time[rows], run.gap[rows], np.diff(run.time[rows])[:, None]
+    if scene.fed or scene.ring or scene.pendulum:
+        return
+    speeds = scene.across(run.velocity), np.diff(gap, axis=0) / step, *(
+        np.diff(each.contacts["v_in"]) for each in (report.hard, report.soft))
+    reach = 2.0 * max(float(np.nanmax(np.abs(values), initial=0.0)) for values in speeds) * step
+    gap = gap - np.fmin.reduce(gap).clip(min=0.0)  # positions may be shifted
+    free = (gap[1:] > 0.0) & (gap[:-1] > 0.0) & (gap[1:] + gap[:-1] > reach)
+    for ball in np.flatnonzero(~scene.is_wall).tolist():
+        edges = np.flatnonzero(np.diff(np.pad(free[:, max(ball - 1, 0) : ball + 1].all(axis=1), 1).astype(int)))
+        begin, end = max(edges.reshape(-1, 2).tolist(), key=lambda edge: edge[1] - edge[0], default=(0, 0))
+        if end - begin < 10:
+            continue
+        part, fall = slice(begin, end + 1), float(scene.fall[ball])
+        t, place = time[part] - time[begin], run.position[rows[part], ball]
+        fit, covariance = np.polyfit(2.0 * t / t[-1] - 1.0, place - 0.5 * fall * t**2, 3, cov=True)
+        levels = np.unique(np.round(run.position[:, ball] / size))  # positions may be rounded to pixels or digits
+        floor = max(3e-5 * np.ptp(place), 3.0 * size * np.fmin.reduce(np.diff(levels), initial=math.inf))
+        if (np.abs(fit[:2]) > np.maximum(floor, 10.0 * np.sqrt(np.diag(covariance)[:2]))).any():
+            first, last = (fall + 8.0 * (fit[1] + 3.0 * u * fit[0]) / t[-1] ** 2 for u in (-1.0, 1.0))
+            yield (f"A free flight of ball {ball} is not the parabola of {fall:.4g} m/s²: in {t[-1]:.3g} s its "
+                   f"acceleration goes from {first:.4g} to {last:.4g} m/s². Neither model has drag.")
+            return

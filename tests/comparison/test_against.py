@@ -129,6 +129,59 @@ def test_a_table_has_the_numbers_side_by_side_with_units_in_80_columns():
     assert re.search(r"^ball 0, soft +1 +0 +0  never$", text, re.M)
 
 
+def falling(drag, rate=60.0, noise=0.0, seed=0):
+    """Positions of a ball from 1 m with restitution 0.8, by a thousand semi-implicit steps per second and more."""
+    height, speed, heights, steps = 1.0, 0.0, [], 40
+    for _ in range(int(1.5 * rate)):
+        heights.append(height)
+        for _ in range(steps):
+            speed -= (9.81 + drag * abs(speed) * speed) / (rate * steps)
+            height += speed / (rate * steps)
+            if height < 0.0:
+                height, speed = -0.8 * height, -0.8 * speed
+    places = np.array(heights) + np.random.default_rng(seed).normal(0.0, noise, len(heights))
+    rows = np.stack([np.zeros(len(places)), 0.05 + places], axis=1)
+    return gr.Trajectory.from_arrays(DROP, np.arange(len(places)) / rate, position=rows)
+
+
+@pytest.mark.parametrize(("drag", "noise", "said"), [(0.0, 0.0, 0), (0.0, 1e-3, 0), (0.0, 5e-3, 0), (0.1, 0.0, 1),
+                                                     (0.1, 1e-3, 1), (1.0, 1e-3, 1)])
+def test_a_flight_that_is_not_a_parabola_is_said(drag, noise, said):
+    notes = [note for note in REPORT.against(falling(drag, noise=noise)).notes if "flight" in note]
+    assert len(notes) == said
+    for note in notes:
+        first, last = map(float, re.search(r"goes from (\S+) to (\S+) m/s²\. Neither model has drag\.$", note).groups())
+        assert first < last  # more than g on the way up, and less on the way down
+
+
+@pytest.mark.parametrize("count", [100, 1000])
+def test_balls_at_rest_and_in_flight_are_no_drag_however_densely_they_are_sampled(count):
+    """The positions of a ball at rest have rounding errors that are no noise."""
+    scene = gr.Scene([1.0] * 20, [0.01] * 20, [1e-4] * 19, [1.0] + [0.0] * 19)
+    report = gr.compare(scene, gr.Hertz(1e9))
+    times = np.linspace(0.0, float(report.soft.time[-1]), count)
+    for engine in ("hard", "soft"):
+        assert not report.against(theirs(run_of(report, engine, times))).notes
+
+
+@pytest.mark.parametrize("digits", [2, 4])
+def test_rounded_positions_are_no_drag(digits):
+    """A slow ball stands on each of the recorded positions for several samples."""
+    scene = gr.Scene([1.0] * 3, [0.05] * 3, [0.3, 0.2], [1.0, 0.02, -0.02])
+    report = gr.compare(scene, gr.LinearDashpot(1e6, 100.0), t_end=1.0)
+    run = run_of(report, "soft", np.linspace(0.0, 1.0, 400))
+    other = gr.Trajectory.from_arrays(scene, run.time, position=np.round(run.position, digits), velocity=run.velocity)
+    assert not [note for note in report.against(other).notes if "flight" in note]
+
+
+@pytest.mark.soak
+def test_noise_and_sampling_alone_are_no_drag():
+    rng = np.random.default_rng(9)
+    for seed in range(100):
+        other = falling(0.0, rate=float(rng.uniform(20.0, 240.0)), noise=10.0 ** rng.uniform(-6.0, -2.0), seed=seed)
+        assert not [note for note in REPORT.against(other).notes if "flight" in note]
+
+
 def test_a_held_ball_that_is_filmed_has_the_clock_of_its_release():
     """30 frames per second, errors of 1 mm, and half a second before the ball is released."""
     time = np.arange(60) / 30.0
