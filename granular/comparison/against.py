@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
-from granular._engine.reports import aligned
+from granular._engine.reports import abridged_rows, aligned
 from granular.comparison.answer import Answer
-from granular.comparison.further import repeat_with_samples
+from granular.comparison.further import apexes, repeat_with_samples
 from granular.comparison.outcome import ERROR_LIMIT
 from granular.run.trajectory import Trajectory
 from granular.scene import speed_scale
@@ -263,3 +263,52 @@ def _flight_notes(report: Any, run: Trajectory) -> Iterator[str]:
             yield (f"A free flight of ball {ball} is not the parabola of {fall:.4g} m/s²: in {t[-1]:.3g} s its "
                    f"acceleration goes from {first:.4g} to {last:.4g} m/s². Neither model has drag.")
             return
+
+
+@dataclass(frozen=True, eq=False)
+class Bounces:
+    """Recorded bounces next to those of both engines.
+
+    Attributes
+    ----------
+    report : Comparison
+        The comparison of both engines.
+    offset : float
+        Time in s on the clock of the recording at the time 0 of the scene.
+    times : (3, K) array
+        Onsets of the bounces in s, of the recording, of hard and of soft spheres, on the clock of the scene.
+    heights : (3, L) array
+        Heights in m of the apexes after the bounces, as in `times`. Unknown times and heights are nan.
+    """
+
+    report: Any
+    offset: float
+    times: check.Array
+    heights: check.Array
+
+    def __str__(self) -> str:
+        tables = [[[f"bounce, {name}", "theirs", "hard", "soft", "less hard", "less soft"],
+                   *([str(k + 1), *(f"{value:.6g}" for value in row), *(f"{row[0] - value:.3g}" for value in row[1:])]
+                     for k, row in enumerate(values.T))]
+                  for name, values in (("t in s", self.times), ("height in m", self.heights)) if values.size]
+        return "\n".join([*_first_lines(self.report, self.offset),
+                          *("\n" + aligned(abridged_rows(table, 40), "<>") for table in tables)])
+
+
+def against_bounces(report: Any, times: Any, heights: Any, ball: int) -> Bounces:
+    """Compare recorded bounces with a report, see `Comparison.against_bounces`."""
+    if times is None and heights is None:
+        raise ValueError("One of `times` and `heights` must be given, got neither.")
+    recorded = np.zeros(0) if times is None else check.increasing_array("times", times, "a finite time in s")
+    tops = check.array("heights", () if heights is None else heights, finite="a finite height in m")
+    check.every("heights", tops, tops >= 0.0, "a height in m of at least 0")
+    body = check.integer("ball", ball, at_least=1, at_most=report.scene.n - 1)
+    onsets = [np.sort(run.of(0)["t_begin"])[: len(recorded)] for run in (report.hard, report.soft)]
+    late = [recorded[: len(hits)] - hits for hits in onsets if len(hits)]
+    misfits = {float(shift): min(float(np.sqrt(np.abs(each - shift)).mean()) for each in late)
+               for shift in (0.0, *map(np.median, late))} if late else {0.0: 0.0}
+    best = min(misfits, key=misfits.__getitem__)
+    offset = best if misfits[best] < 0.5 * misfits[0.0] else 0.0
+    hits = [np.pad(each, (0, len(recorded) - len(each)), constant_values=math.nan) for each in onsets]
+    rises = [[apexes(report, engine, [body], k + 1)[0, 1] for k in range(len(tops))] for engine in ENGINES]
+    return Bounces(report, offset, np.array([recorded - offset, *hits]), np.array([tops, *rises]))

@@ -23,7 +23,7 @@ from granular.run.until import check_end
 from granular.scene import Scene, checked as a_scene
 
 if TYPE_CHECKING:
-    from granular.comparison.against import Against
+    from granular.comparison.against import Against, Bounces
     from granular.comparison.remedies import Remedies
 
 
@@ -144,6 +144,36 @@ class Comparison(ComparisonWithAnswer, Report):
         from granular.comparison.against import against
 
         return against(self, run)
+
+    def against_bounces(self, times: Any = None, heights: Any = None, *, ball: int = 1) -> Bounces:
+        """Compare recorded times of bounces, or heights after them, with both engines.
+
+        Bounces are contacts of the lowest pair, which is the floor and ball 1. The first entry belongs to the first
+        bounce. Intervals give times by ``np.cumsum([0, *intervals])``: their clock begins with the first bounce.
+
+        Parameters
+        ----------
+        times : (K,) array, optional
+            Times of the bounces in s, on any clock. The offset of the clock is the median difference from one engine,
+            if this reduces the differences by a factor of four.
+        heights : (L,) array, optional
+            Heights in m of the apexes of `ball` after each bounce, above the floor without radii, see `rises`.
+        ball : int
+            Ball whose heights are given. Defaults to 1.
+
+        Returns
+        -------
+        Bounces
+            Times and heights of the recording and of both engines, nan where an engine has no such bounce.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If neither times nor heights are given, if times do not increase, or if a height is negative.
+        """
+        from granular.comparison.against import against_bounces
+
+        return against_bounces(self, times, heights, ball)
 
     def animate(
         self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,

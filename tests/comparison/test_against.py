@@ -191,3 +191,40 @@ def test_a_held_ball_that_is_filmed_has_the_clock_of_its_release():
     apart = REPORT.against(gr.Trajectory.from_arrays(DROP, time + 3.0, position=places))
     assert apart.offset == pytest.approx(3.5, abs=5e-4)
     assert not apart.notes
+
+
+def test_recorded_bounces_are_held_against_both_engines():
+    onsets = np.sort(REPORT.hard.contacts["t_begin"])[:3]
+    tops = [REPORT.rises(k)[0] for k in (1, 2)]
+    found = REPORT.against_bounces(np.cumsum([0.0, *np.diff(onsets)]), tops)
+    assert found.offset == pytest.approx(-onsets[0], rel=1e-14)
+    assert np.allclose(found.times[:2], onsets, rtol=0.0, atol=1e-15)
+    assert np.array_equal(found.times[2], np.sort(REPORT.soft.contacts["t_begin"])[:3])
+    assert np.array_equal(found.heights[:2], [tops, tops])
+    assert found.heights[2] == pytest.approx([REPORT.rises(k)[1] for k in (1, 2)])
+    words = " ".join(str(found).split())
+    assert "bounce, t in s theirs hard soft less hard less soft 1 0.451524 0.451524 0.451524 " in words
+    assert f"bounce, height in m theirs hard soft less hard less soft 1 {tops[0]:.6g} {tops[0]:.6g} 0.7367" in words
+    assert max(map(len, str(found).splitlines())) <= 80
+    assert REPORT.against_bounces(onsets).offset == 0.0
+
+
+def test_bounces_that_an_engine_does_not_have_are_unknown():
+    none = gr.compare(DROP, gr.LinearDashpot(1e6), t_end=0.1).against_bounces([0.5, 1.0])
+    assert np.isnan(none.times[1:]).all()
+    many = REPORT.against_bounces(np.arange(1.0, 50.0))
+    assert np.isnan(many.times[2, -1])
+    assert "…" in str(many)
+
+
+@pytest.mark.parametrize(("given", "sentence"), [
+    ({}, r"One of `times` and `heights` must be given, got neither\."),
+    ({"times": [0.0]}, r"`times` must be an array of at least 2 entries, got 1\."),
+    ({"times": [0.0, 1.0, 0.5]}, r"`times\[2\]` must be larger than the entry before it, got 0\.5"),
+    ({"times": [0.0, math.nan]}, r"`times\[1\]` must be a finite time in s, got nan"),
+    ({"heights": [0.5, -0.1]}, r"`heights\[1\]` must be a height in m of at least 0, got -0\.1"),
+    ({"heights": [0.5], "ball": 2}, r"`ball` must be an integer from 1 to 1, got 2"),
+])
+def test_wrong_bounces_are_refused(given, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        REPORT.against_bounces(**given)
