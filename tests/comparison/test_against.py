@@ -5,12 +5,13 @@ The truth is a run of one engine whose clock, positions or velocities are altere
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 import granular as gr
+from granular.comparison.report import warnings
 
 INF = math.inf
 SCENES = {
@@ -228,3 +229,20 @@ def test_bounces_that_an_engine_does_not_have_are_unknown():
 def test_wrong_bounces_are_refused(given, sentence):
     with pytest.raises(ValueError, match=sentence):
         REPORT.against_bounces(**given)
+
+
+@dataclass(frozen=True)
+class Adhesive:
+    """A spring with a constant pull."""
+
+    pull: float
+
+    def force(self, xi, xi_dot, pair):
+        return 1e3 * xi - self.pull
+
+
+@pytest.mark.parametrize("pull", [1e-6, 1e-3, 1.0])
+def test_a_pull_that_is_cut_to_zero_is_in_the_short_report(pull):
+    report = gr.compare(gr.Scene([0.01, 0.01], [1e-3, 1e-3], [1e-3], [1.0, 0.0]), Adhesive(pull))
+    assert warnings(report)[0].endswith(" m; the pull is cut to 0, so neither model has adhesion")
+    assert "the pull is cut to 0" in str(report)
