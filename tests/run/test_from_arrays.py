@@ -150,6 +150,8 @@ def test_the_page_from_a_dump_to_the_answer(tmp_path, monkeypatch, capsys):
     names = {}
     for block in code:
         exec(block, names)
-    assert "ball 2" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "ball 2" in said
+    assert re.search(r"```text\n(Yes: .*?)```", PAGE.read_text(), re.S)[1] in said
     assert float(np.abs(names["apart"].soft).max()) < 1e-2
     assert len(gr.load("run.nc").time) > 20
