@@ -16,11 +16,11 @@ from typing import Any
 import granular as gr
 
 ROUNDS, WARMING_ROUNDS = 60, 400
-"""Number of timed rounds, and of rounds before them, in which "auto" may switch to compiled code."""
+"""Numbers of timed rounds, and of rounds before them that load compiled code."""
 
 
 def dashpots(scene: gr.Scene, restitution: float, k: float) -> list[Any]:
-    """One dashpot per pair with the given restitution and stiffness in N/m."""
+    """Return a dashpot per pair, with this restitution and stiffness in N/m."""
     return [gr.LinearDashpot.from_restitution(restitution, k=k, pair=pair) for pair in scene.pairs]
 
 
