@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from granular.run.recordings import read_recording
     from granular.run.trajectory import Status, Trajectory, load
     from granular.scene import Pair, Scene, walls
-    from granular.studies import adiabatic
+    from granular.studies import adiabatic, contacts
     from granular.studies.calibration import calibrate
     from granular.studies.extremes import stability
     from granular.studies.frontiers import frontier
@@ -48,7 +48,7 @@ __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair",
     "PowerLaw", "Scene", "Sensitivity", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold",
     "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "calibrate",
-    "cases", "compare", "edmd", "ensemble", "export", "frontier", "load", "materials", "md", "measures",
+    "cases", "compare", "contacts", "edmd", "ensemble", "export", "frontier", "load", "materials", "md", "measures",
     "read_recording", "restitution_of", "scenes", "sensitivity", "stability", "sweep", "theory", "threshold",
     "until", "walls", "waves",
 ]
@@ -62,6 +62,7 @@ __getattr__ = attributes(__name__, {
     "granular.cases.case": "Case",
     "granular.comparison.answer": "Answer",
     "granular.comparison.run": "Comparison compare",
+    "granular.studies.contacts": "contacts",
     "granular.edmd": "edmd",
     "granular.run.export": "export",
     "granular.studies.extremes": "stability",

@@ -1,7 +1,7 @@
 """Soft spheres: contact forces, with a fixed time step or with located events.
 
 Start with: `fixed/`, `located/`.
-Support modules: `binary`, `isolation`, `simulation`, `time_step`, `waves/`.
+Support modules: `binary`, `isolation`, `oblique_impact`, `simulation`, `time_step`, `waves/`.
 """
 
 from typing import TYPE_CHECKING

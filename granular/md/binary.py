@@ -21,12 +21,16 @@ from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import hashable_contents, resolved
 from granular.laws.rules import ConstantRestitution, Rule
+from granular.md.oblique_impact import Oblique, oblique_impact
 from granular.md.simulation import simulate
 from granular.scene.pair import Pair, Pairs, checked_pair
 from granular.scene.places import checked
 from granular.scene.state import Scene
 
-__all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
+__all__ = [
+    "Collision", "LawRestitution", "Oblique", "collision", "oblique", "restitution", "restitution_of",
+    "with_restitution",
+]
 __dir__ = __all__.copy
 
 MAX_CONTACT_STEPS = 20_000
@@ -374,6 +378,55 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
         raise ValueError(f"`target` must be a restitution that `{field}` can reach at {speed} m/s, got {target!r}.")
     log_field = brentq(restitution_error, low, high, xtol=1e-14, rtol=1e-14) if low < high else low
     return replace(law, **{field: math.exp(log_field)})
+
+
+@check.face
+def oblique(law: Any, pair: Pair, distance: float, normal_speed: float, tangential_speed: float) -> Oblique:
+    """Compute the oblique impact of two frictionless spheres, in three dimensions.
+
+    During a contact the line of centres turns, so that a soft impact deviates from the hard-sphere result even without
+    other contacts. The angle is about three times the relative overlap ξ_max/(R₁ + R₂).
+
+    Parameters
+    ----------
+    law, pair
+        As for `collision`.
+    distance : float
+        Distance R₁ + R₂ of the centres in m at first touch. It must be larger than the largest overlap.
+    normal_speed, tangential_speed : float
+        Components of the relative velocity in m/s along and across the line of centres at first touch. The normal speed
+        must be positive.
+
+    Returns
+    -------
+    Oblique
+        Rotation, duration, restitutions and the deviation from hard spheres.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For invalid arguments, and for contacts that `collision` refuses.
+
+    Examples
+    --------
+    A spring with v t_c/(R₁ + R₂) = 0.1, hit at 45°:
+
+    >>> import math
+    >>> import granular as gr
+    >>> pair = gr.Pair(m_eff=0.5, r_eff=0.25, index=0)
+    >>> law = gr.LinearDashpot(k=0.5 * (math.pi / 0.1) ** 2)
+    >>> hit = gr.binary.oblique(law, pair, 1.0, math.sqrt(0.5), math.sqrt(0.5))
+    >>> round(hit.rotation, 9), round(hit.restitution, 6), round(hit.tangential, 6)
+    (0.071648192, 0.925847, 1.069021)
+    """
+    length = check.number("distance", distance, above=0.0)
+    normal = check.number("normal_speed", normal_speed, above=0.0)
+    tangential = check.number("tangential_speed", tangential_speed, at_least=0.0)
+    pair_law, head_on = _resolved(law, pair), collision(law, pair, normal)
+    if not head_on.xi_max < length:
+        raise ValueError(check.misuse("distance", distance, f"larger than the overlap {head_on.xi_max:.6g} m",
+                                      "Use a stiffer law or a lower speed."))
+    return oblique_impact(pair_law, head_on, length, normal, tangential)
 
 
 def _speed(value: Any) -> float:

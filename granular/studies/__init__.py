@@ -2,6 +2,7 @@
 
 `frontiers` measures errors against run times, and `extremes` the accuracy of methods in extreme scenes.
 
-Support modules: `adiabatic`, `calibration`, `extremes`, `frontier_methods`, `frontier_result`, `frontiers`,
-`reference`, `reference_events`, `reference_walls`, `sweeps/`, `threshold_result`, `thresholds`, `verification`.
+Support modules: `adiabatic`, `calibration`, `contact_files`, `contact_lists`, `contacts`, `extremes`,
+`frontier_methods`, `frontier_result`, `frontiers`, `reference`, `reference_events`, `reference_walls`, `sweeps/`,
+`threshold_result`, `thresholds`, `verification`.
 """

@@ -1,6 +1,6 @@
 """The `granular` command. Misuse prints one line on stderr, never a traceback.
 
-Support modules: `ends`, `installation`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`.
+Support modules: `contacts`, `ends`, `installation`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`.
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ COMMAND_CLASSES = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
     "sensitivity": "sweep:Sensitivity", "ensemble": "sweep:Ensemble", "page": "pages:Page", "view": "pages:View",
+    "contacts": "contacts:ContactList",
     "verify": "verify:Verify", "warm": "installation:Warm", "info": "installation:Info",
 }
 """Location of each command: a module of this package, and its `Command`."""
@@ -52,6 +53,7 @@ examples:
   granular run gas --engine edmd --samples 500 --save gas.npz
   granular view gas.npz --open                    play a recorded run
   granular verify touching-cradle --check my.csv  check numbers of another code
+  granular contacts seen.local --time-step 1e-6   contacts of a LAMMPS run
   granular warm                                   compile all kernels now
   granular info                                   versions, for bug reports
 

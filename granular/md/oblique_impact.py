@@ -1,0 +1,142 @@
+"""Oblique impact of two frictionless spheres, integrated in the plane of the impact.
+
+With the distance r of the centres, l = R₁ + R₂, the overlap ξ = l - r and the tangential speed v_t at first touch:
+m_eff ξ̈ = -max(0, F(ξ, ξ̇)) - m_eff (l v_t)²/r³. The line of centres turns at the rate l v_t/r², and the contact ends as
+soon as F = 0. Elastic and damped forces, and forces with memory, are integrated by scipy's DOP853, first to the largest
+overlap and then to the end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granular._engine import check
+from granular._engine.check import Array
+from granular.laws.contact_law import PairLaw, no_number
+
+RELATIVE_TOLERANCE = 1e-13
+"""Tolerance of DOP853 relative to the scale of each variable."""
+STEPS_PER_PHASE = 8
+"""Least number of steps for the approach and for the separation, so that no end of a short contact is missed."""
+LONGEST_DURATION = 1e3
+"""Factor by which a contact may last longer than the contact of the head-on impact."""
+
+
+@check.face
+@dataclass(frozen=True)
+class Oblique:
+    """Result of an oblique impact. Hard spheres have rotation 0 and tangential = 1.
+
+    Attributes
+    ----------
+    rotation : float
+        Angle α in rad by which the line of centres turns during the contact.
+    duration : float
+        Time in s from the first touch to the end of the force.
+    restitution : float
+        ε_n = -(v'·n₀)/(v·n₀), with the relative velocity v before and v' after the contact and the line of centres n₀
+        at first touch. It can be negative.
+    tangential : float
+        ε_t = (v'·t₀)/(v·t₀), with the tangent t₀ at first touch. For a head-on impact it is the limit for small
+        tangential speeds.
+    radial : float
+        Restitution along the line of centres at the end of the contact.
+    deviation : float
+        |v' - v'_hard|/|v|. Hard spheres have the restitution of the head-on impact at the same normal speed.
+    estimate : float
+        Closed form (2 v_t/(ω l)) atan(ω l v_n/v_t²) of `rotation` in rad, with ω = π/t_c and the duration t_c of the
+        head-on impact. It holds for undamped springs and small overlaps.
+    xi_max : float
+        Largest overlap in m.
+    """
+
+    rotation: float
+    duration: float
+    restitution: float
+    tangential: float
+    radial: float
+    deviation: float
+    estimate: float
+    xi_max: float
+
+
+def oblique_impact(law: PairLaw, hit: Any, distance: float, normal: float, tangential: float) -> Oblique:
+    """Compute an oblique impact.
+
+    Parameters
+    ----------
+    law : PairLaw
+        Law of the pair.
+    hit : Collision
+        Head-on impact at the same normal speed.
+    distance : float
+        R₁ + R₂ in m.
+    normal, tangential : float
+        Normal and tangential speed in m/s at first touch.
+    """
+    omega = math.pi / hit.duration
+    estimate = 2.0 * tangential / (omega * distance) * math.atan2(omega * distance * normal, tangential * tangential)
+    expected = estimate * distance / tangential if tangential > 0.0 else hit.duration
+    units = hit.xi_max, normal, hit.duration / distance
+    approach = _phase(law, (0.0, 0.0, normal, 0.0), distance * tangential, distance, units, expected, None)
+    deepest = float(approach[1])
+    end = _phase(law, approach, distance * tangential, distance, units, expected, deepest)
+    time, xi, rate, swept = map(float, end)
+    angle, turned = tangential * swept, tangential * distance / (distance - xi)
+    normal_after = rate * math.cos(angle) + turned * math.sin(angle)
+    # sin α / v_t has a limit for a head-on impact
+    tangential_ratio = distance / (distance - xi) * math.cos(angle) - rate * swept * float(np.sinc(angle / math.pi))
+    hard_error = normal_after + hit.restitution * normal, tangential * (tangential_ratio - 1.0)
+    return Oblique(angle, time, -normal_after / normal, tangential_ratio, -rate / normal,
+                   math.hypot(*hard_error) / math.hypot(normal, tangential), estimate, deepest)
+
+
+def _phase(law: PairLaw, start: Any, spin: float, distance: float, units: tuple[float, ...], expected: float,
+           deepest: float | None) -> Array:
+    """Integrate the approach to the largest overlap, or the separation to the end of the force.
+
+    The state is time in s, overlap in m, its rate in m/s, and ∫ l/r² dt in s/m.
+
+    Parameters
+    ----------
+    start : sequence of float
+        Initial state.
+    spin : float
+        l v_t in m²/s, the angular momentum per effective mass.
+    distance : float
+        R₁ + R₂ in m.
+    units : tuple of float
+        Scales of overlap, rate and ∫ l/r² dt.
+    expected : float
+        Estimated duration in s of the contact.
+    deepest : float or None
+        Largest overlap in m, or None for the approach.
+    """
+    from scipy.integrate import solve_ivp
+
+    def force(xi: float, rate: float) -> float:
+        value = law.force(xi, rate, xi if deepest is None else deepest)
+        if not math.isfinite(value):
+            raise no_number(law, xi, rate, value)
+        return value
+
+    def derivative(_: float, state: Array) -> tuple[float, float, float]:
+        xi, rate, r = float(state[0]), float(state[1]), distance - float(state[0])
+        return rate, -max(0.0, force(max(xi, 0.0), rate)) / law.pair.m_eff - spin * spin / r**3, distance / r**2
+
+    def end(_: float, state: Array) -> float:
+        xi, rate = float(state[0]), float(state[1])
+        # without overlap the force is continued by a negative number, so that an elastic contact ends at its zero
+        return rate if deepest is None else force(xi, rate) if xi > 0.0 else xi
+
+    end.terminal, end.direction = True, -1.0  # type: ignore[attr-defined]
+    solution = solve_ivp(derivative, (start[0], LONGEST_DURATION * units[2] * distance), start[1:], method="DOP853",
+                         rtol=RELATIVE_TOLERANCE, atol=RELATIVE_TOLERANCE * np.array(units), events=end,
+                         max_step=expected / STEPS_PER_PHASE)
+    if not len(solution.t_events[0]):
+        raise ValueError(f"`law` must let the bodies separate, got {law.law!r}. The oblique contact does not end.")
+    return np.array([solution.t_events[0][0], *solution.y_events[0][0]])

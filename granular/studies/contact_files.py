@@ -1,0 +1,272 @@
+"""Contact lists from files of other programs and from snapshots: LAMMPS, and CSV with named columns."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import warnings
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular._engine import check
+from granular._engine.check import Array, must
+from granular._engine.files import checked_source, plain_text
+
+TRACKER_COLUMNS, PAIR_COLUMNS = "id1 id2 created broken r_min", "id1 id2 distance force"
+"""Columns of both kinds of LAMMPS files if no others are named."""
+LIST_COLUMNS, SNAPSHOT_COLUMNS = "i j begin end impulse overlap distance", "time i j force overlap distance"
+"""Columns of both kinds of CSV files."""
+WALLS_NOTE = "Contacts with walls are not in the file."
+TWICE_NOTE = "Contacts across a boundary are listed twice, and count once."
+ENDED_NOTE = ("Contacts that had not ended are missing in the file, in a heap at rest almost all. Compare Z with a "
+              "dump of pair/local.")
+SPACING_NOTE = ("Snapshots too far apart: a contact is seen in {:.3g} of them, so only Z, B and the shared impulse are "
+                "right.")
+FORMAT_FIX = "Use `dump_modify ID format float %.15g`, and name the columns in their order."
+LEAST_SIGHTINGS = 2.0
+"""Mean number of snapshots of a contact from which on durations are resolved."""
+LEAST_ROWS_TO_JUDGE = 20
+"""Least number of contacts in a snapshot of a tracker from which on a loss of contacts is noticed."""
+
+
+@check.face
+def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike | None = None,
+              overlap: ArrayLike | None = None, distance: ArrayLike | None = None, frames: ArrayLike | None = None
+              ) -> dict[str, Any]:
+    """Combine the contacts that exist at several times to contacts with a begin and an end.
+
+    A pair that touches in consecutive snapshots has one contact, which begins and ends between snapshots. Z, overlap
+    and shared impulse are right on average for any time between snapshots. Durations and disturbed contacts require
+    snapshots closer than half a contact duration.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Time in s of the snapshot of each row, not decreasing.
+    i, j : (n,) array of int
+        Numbers of the two particles.
+    force, overlap : (n,) array, optional
+        Force in N and overlap in m at this time.
+    distance : float or (n,) array, optional
+        R₁ + R₂ in m.
+    frames : array, optional
+        Times in s of all snapshots, also of those without a contact. Defaults to the times in `time`.
+
+    Returns
+    -------
+    dict
+        Arguments of `granular.contacts.analyse`. The largest overlap is π/2 times the mean overlap, as for a half sine.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For invalid arguments, and if a pair occurs twice in a snapshot.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> seen = gr.contacts.snapshots([0.0, 0.0, 1.0, 3.0], [1, 2, 1, 1], [2, 3, 2, 2], frames=[0.0, 1.0, 2.0, 3.0])
+    >>> seen["begin"].tolist(), seen["end"].tolist()
+    ([-0.5, 2.5, -0.5], [1.5, 3.5, 0.5])
+    """
+    clock = check.array("time", time, finite="a finite time")
+    check.every("time", clock, np.diff(clock, prepend=clock[:1]) >= 0.0, "not before the time of the row above")
+    every = check.increasing_array("frames", np.unique(clock) if frames is None else frames, "a finite time")
+    frame, edge = np.searchsorted(every, clock), 0.5 * (every[1:] + every[:-1])
+    check.every("time", clock, every[np.minimum(frame, len(every) - 1)] == clock, "one of `frames`")
+    edge = np.concatenate([[2.0 * every[0] - edge[0]], edge, [2.0 * every[-1] - edge[-1]]])
+    low, high = np.sort([check.array("i", i, clock.shape), check.array("j", j, clock.shape)], axis=0)
+    order = np.lexsort((frame, high, low))
+    later = np.where((np.diff(low[order]) == 0) & (np.diff(high[order]) == 0), np.diff(frame[order]), -1)
+    if (later == 0).any():
+        raise ValueError("A pair must occur once in a snapshot, got one twice. List each contact once.")
+    start = np.flatnonzero(np.concatenate([[1] * min(len(clock), 1), later != 1]))
+    row, n_seen = order[start], np.diff(start, append=len(clock))
+    found = {"i": low[row], "j": high[row], "begin": edge[frame[row]], "end": edge[frame[row] + n_seen],
+             "span": (edge[0], edge[-1]), "notes": ()}
+    if force is not None:
+        impulses = check.array("force", force, clock.shape) * np.diff(edge)[frame]
+        check.every("force", impulses, impulses >= 0.0, "a finite number of at least 0")
+        found["impulse"] = np.add.reduceat(impulses[order], start)
+    if overlap is not None:
+        depth = check.array("overlap", overlap, clock.shape)
+        found["overlap"] = 0.5 * math.pi * np.add.reduceat(depth[order], start) / n_seen
+    if distance is not None:
+        lengths = np.full(clock.shape, distance) if check.is_single(distance) else distance
+        found["distance"] = check.array("distance", lengths, clock.shape)[row]
+    if len(row) and len(clock) < LEAST_SIGHTINGS * len(row):
+        found["notes"] = (SPACING_NOTE.format(len(clock) / len(row)),)
+    return found
+
+
+@check.face
+def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = None, columns: str | None = None
+                ) -> dict[str, Any]:
+    """Read contacts from a ``dump local`` of LAMMPS, which can be compressed (.gz).
+
+    Parameters
+    ----------
+    path : path
+        Output of ``pair_style tracker``, or of ``compute property/local`` and ``compute pair/local``.
+    time_step : float
+        Time step in s. LAMMPS writes times as numbers of steps.
+    diameter : float or array, optional
+        Diameter in m of all particles, or of each particle from number 1 on. Overlaps are computed only with it.
+    columns : str, optional
+        Names of all columns. Defaults to "id1 id2 created broken r_min" (tracker) and "id1 id2 distance force" (pairs).
+        Columns with other names are ignored.
+
+    Returns
+    -------
+    dict
+        Arguments of `granular.contacts.analyse`. Its notes state which contacts are missing in the file.
+
+    Raises
+    ------
+    OSError, TypeError, ValueError
+        If the file cannot be read, is of another kind, or has numbers that cannot be particles or steps.
+    """
+    step, name = check.number("time_step", time_step, above=0.0), checked_source("path", path)
+    with (gzip.open if name.endswith(".gz") else open)(name, "rt", encoding="utf-8", errors="replace") as file:
+        blocks = list(_frames(file, plain_text(name), columns))
+    if not sum(len(block) for _, block in blocks):
+        raise ValueError(must("path", "a dump local of LAMMPS with contacts", f"{name!r} without any"))
+    steps, rows = np.array([at for at, _ in blocks]), np.concatenate([block for _, block in blocks])
+    check.every("TIMESTEP", steps, np.diff(steps, prepend=-1) > 0, "larger than the one before it")
+    frame = np.repeat(np.arange(len(blocks)), [len(block) for _, block in blocks])
+    ids, length = np.array([rows["id1"], rows["id2"]]), None
+    if ids.min() < 1:
+        raise ValueError(must(f"every particle in {name!r}", "a number from 1 on", f"{ids.min()}", FORMAT_FIX))
+    if diameter is not None:
+        sizes = check.positive("diameter", np.atleast_1d(diameter), "diameter")
+        if 1 < len(sizes) < ids.max():
+            raise ValueError(must("diameter", f"one number or {ids.max()} numbers", f"{len(sizes)}"))
+        length = 0.5 * sizes[(ids - 1) % len(sizes)].sum(axis=0)
+    return (_tracked if "created" in (rows.dtype.names or ()) else _pairs)(rows, frame, steps, step, length)
+
+
+def _frames(file: IO[str], name: str, columns: str | None) -> Iterator[tuple[int, Any]]:
+    """Yield step and rows of each snapshot of a dump."""
+    step, count = -1, 0
+    for line in file:
+        if line.startswith("ITEM: TIMESTEP"):
+            step = int(next(file))
+        elif line.startswith("ITEM: NUMBER OF ENTRIES"):
+            count = int(next(file))
+        elif line.startswith("ITEM: ENTRIES") and step >= 0:
+            dtype = _row_type(line.split()[2:], columns)
+            try:
+                with warnings.catch_warnings():  # numpy 1 only warns of an integer with an exponent
+                    warnings.simplefilter("error", DeprecationWarning)
+                    rows = np.loadtxt(islice(file, count), dtype, ndmin=1) if count else np.empty(0, dtype)
+            except (ValueError, DeprecationWarning) as error:
+                raise ValueError(f"Particles and steps in {name!r} must be integers with all digits ({error}). "
+                                 f"{FORMAT_FIX}") from None
+            if len(rows) < count:
+                raise ValueError(must("path", "a complete file", f"{name!r}, which ends within a snapshot"))
+            yield step, rows
+        elif step < 0 or line.startswith("ITEM: ATOMS"):
+            raise ValueError(must("path", "a dump local of LAMMPS", f"{name!r}, which is of another kind"))
+
+
+def _row_type(header: list[str], columns: str | None) -> np.dtype[Any]:
+    """Return the type of a row from the names of the columns."""
+    usual = PAIR_COLUMNS if header[:1] and header[0].startswith("c_") else TRACKER_COLUMNS
+    names = columns.split() if columns is not None else header if {"id1", "id2"} <= {*header} else usual.split()
+    needed = TRACKER_COLUMNS.split()[: 4 if {"created", "broken"} & {*names} else 2]
+    if len(names) != len(header) or len({*names}) < len(names) or not {*needed} <= {*names}:
+        raise ValueError(must("columns", f"{len(header)} different names with {', '.join(needed)}", f"{names}",
+                              f"The file has the columns {plain_text(' '.join(header))}."))
+    return np.dtype([(name, np.int64 if name in TRACKER_COLUMNS.split()[:4] else np.float64) for name in names])
+
+
+def _tracked(rows: Any, frame: Any, steps: Any, step: float, length: Array | None) -> dict[str, Any]:
+    """Return the arguments of `analyse` for the rows of a tracker."""
+    created, broken = rows["created"], rows["broken"]
+    if not ((created <= broken) & (broken <= steps[frame])).all() or (created == broken).all():
+        raise ValueError(must("columns created and broken", "steps at which contacts began and ended, at most TIMESTEP",
+                              "others", FORMAT_FIX))
+    there, start, count = np.unique(frame, return_index=True, return_counts=True)
+    before = steps[np.maximum(there - 1, 0)]
+    # without a loss some contacts end soon after the snapshot before
+    silent = np.minimum.reduceat(broken, start) - before > 0.25 * (steps[there] - before)
+    if (silent & (there > 0) & (count >= LEAST_ROWS_TO_JUDGE)).any():
+        raise ValueError("Tracker and dump must have the same interval N, got no contacts in the first part of an "
+                         "interval of the dump.")
+    low, high = np.sort([rows["id1"], rows["id2"]], axis=0)
+    order = np.lexsort((broken, created, high, low))
+    again = np.all([np.diff(values[order]) == 0 for values in (low, high, created, broken)], axis=0)
+    kept = np.sort(order[np.append(True, ~again)])
+    found: dict[str, Any] = {
+        "i": low[kept], "j": high[kept], "begin": created[kept] * step, "end": broken[kept] * step,
+        "span": ((created.min() if there[0] == 0 else steps[0]) * step, steps[-1] * step),
+        "notes": (ENDED_NOTE, WALLS_NOTE, *[TWICE_NOTE] * bool(again.any()))}
+    if length is not None and "r_min" in rows.dtype.names:
+        check.every("r_min", rows["r_min"], rows["r_min"] <= length, "at most R₁ + R₂", "Check `diameter`.")
+        found |= {"overlap": (length - rows["r_min"])[kept], "distance": length[kept]}
+    return found
+
+
+def _pairs(rows: Any, frame: Any, steps: Any, step: float, length: Array | None) -> dict[str, Any]:
+    """Return the arguments of `analyse` for rows of pairs. Pairs that do not touch are left out."""
+    names = rows.dtype.names
+    force = rows["force"] if "force" in names else np.ones(len(rows))
+    gap = rows["distance"] - length if length is not None and "distance" in names else np.full(len(rows), -1.0)
+    kept = (force != 0.0) & (gap < 0.0)
+    found = snapshots(
+        (steps * step)[frame][kept], rows["id1"][kept], rows["id2"][kept], force=np.maximum(force[kept], 0.0),
+        overlap=-gap[kept], distance=None if length is None else length[kept], frames=steps * step)
+    return found | {"notes": (*found["notes"], WALLS_NOTE)}
+
+
+@check.face
+def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Read contacts, or the contacts of several snapshots, from a CSV file with named columns.
+
+    Parameters
+    ----------
+    path : path
+        File with the names of the columns in its first line: i, j, begin, end and optionally impulse, overlap and
+        distance, as in `granular.contacts.analyse`. An empty end belongs to a contact that lasts. A file with a column
+        time has the columns of `granular.contacts.snapshots`: time, i, j, and optionally force, overlap and distance.
+        Other columns are ignored.
+    columns : mapping of str to str, optional
+        Names of columns in the file, such as {"i": "particle 1"}. By default they are those above.
+
+    Returns
+    -------
+    dict
+        Arguments of `granular.contacts.analyse`.
+
+    Raises
+    ------
+    OSError, TypeError, ValueError
+        If the file cannot be read, a column is missing, or an entry is not a number.
+    """
+    name = checked_source("path", path)
+    named = dict(check.of_kind("columns", {} if columns is None else columns, Mapping, "a mapping"))
+    with open(name, encoding="utf-8-sig", errors="replace") as file:
+        header = [word.strip().strip('"') for word in file.readline().split(",")]
+        wanted = (SNAPSHOT_COLUMNS if named.get("time", "time") in header else LIST_COLUMNS).split()
+        needed = {*named, *wanted[: wanted.index("force" if "time" in wanted else "impulse")]}
+        at = {key: header.index(named.get(key, key)) for key in wanted if named.get(key, key) in header}
+        if missing := sorted(needed - at.keys()):
+            raise ValueError(must(f"the first line of {name!r}", f"names of columns with {', '.join(missing)}",
+                                  plain_text(", ".join(header), 200), "Name the columns of the file by `columns`."))
+        try:
+            converters: dict[int | str, Any] = {at["end"]: _end} if "end" in at else {}
+            rows = np.loadtxt(file, delimiter=",", usecols=list(at.values()), ndmin=2, encoding="utf-8",
+                              converters=converters)
+        except ValueError as error:
+            raise ValueError(f"The entries of {name!r} must be numbers ({error}).") from None
+    found = dict(zip(at, rows.T, strict=True))
+    return snapshots(**found) if "time" in found else found
+
+
+def _end(word: str) -> float:
+    """Return the end of a contact, nan for an empty entry."""
+    return float(word) if word.strip() else math.nan
