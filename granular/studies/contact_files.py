@@ -252,6 +252,7 @@ def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, A
     with open(name, encoding="utf-8-sig", errors="replace") as file:
         header = [word.strip().strip('"') for word in file.readline().split(",")]
         wanted = (SNAPSHOT_COLUMNS if named.get("time", "time") in header else LIST_COLUMNS).split()
+        check.known_names(named, wanted, "parameter")
         needed = {*named, *wanted[: wanted.index("force" if "time" in wanted else "impulse")]}
         at = {key: header.index(named.get(key, key)) for key in wanted if named.get(key, key) in header}
         if missing := sorted(needed - at.keys()):

@@ -260,7 +260,7 @@ GOOD = {"i": [0, 1], "j": [1, 2], "begin": [0.0, 1.0], "end": [1.0, 2.0]}
     ({"walls": [0, 1, 2]}, r"^`particles` must be an integer of at least 1, got 0\.$"),
     ({"distance": 0.0, "overlap": [0.1, 0.1]}, r"^`distance\[0\]` must be positive and finite, got 0\.0\.$"),
     ({"distance": [1.0], "overlap": [0.1, 0.1]}, r"^`distance` must be an array of shape \(2,\)"),
-    ({"distance": 1.0, "overlap": [0.1, 1.0]}, r"^`overlap\[1\]` must be of at least 0 and less than `distance`, got 1"),
+    ({"distance": 1.0, "overlap": [0.1, 1.0]}, r"^`overlap\[1\]` must be of at least 0 and less than `distance`, got"),
     ({"distance": 1.0, "overlap": [0.1, math.nan]}, r"^`overlap\[1\]` must be of at least 0"),
     ({"span": (1.0, 1.0)}, r"^`span` must be a start and a later end, got 1 and 1\.$"),
     ({"span": (3.0, 4.0)}, r"^`begin\[0\]` must be within the span from 3 to 4, got 0\.0\.$"),
