@@ -89,6 +89,16 @@ def waves() -> Any:
     return compute(3)
 
 
+def oblique() -> Any:
+    """Data of the figure in docs/theory/oblique.md at few points.
+
+    The ensembles of its last panel are stored in bench/threed/results.json.
+    """
+    from oblique import compute
+
+    return compute(4)
+
+
 def frontier_rows(report: Any) -> Any:
     """Like `frontier`, for a `Frontier` that is already measured."""
     return {
@@ -138,7 +148,7 @@ DATA_ENTRIES = {f"paper-{name}": Entry(partial(paper, name, points), name not in
 DATA_ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in FRONTIER_SCENES}
 DATA_ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": Entry(extremes, False),
                  "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
-                 "waves": Entry(waves, absolute=1e-6)}
+                 "waves": Entry(waves, absolute=1e-6), "oblique": Entry(oblique)}
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times. Their stored data depend on the machine."""
 

@@ -17,7 +17,7 @@ import docs_data
 BENCH_FOLDER = Path(__file__).parent
 SCRIPT_NAMES = (
     "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "isolation", "driven", "bounded",
-    "waves",
+    "waves", "oblique",
 )
 
 

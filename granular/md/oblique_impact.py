@@ -1,4 +1,4 @@
-"""Oblique impact of two frictionless spheres, integrated in the plane of the impact.
+"""Oblique impact of two frictionless spheres, integrated in its plane.
 
 With the distance r of the centres, l = R₁ + R₂, the overlap ξ = l - r and the tangential speed v_t at first touch:
 m_eff ξ̈ = -max(0, F(ξ, ξ̇)) - m_eff (l v_t)²/r³. The line of centres turns at the rate l v_t/r², and the contact ends as
@@ -21,9 +21,12 @@ from granular.laws.contact_law import PairLaw, no_number
 RELATIVE_TOLERANCE = 1e-13
 """Tolerance of DOP853 relative to the scale of each variable."""
 STEPS_PER_PHASE = 8
-"""Least number of steps for the approach and for the separation, so that no end of a short contact is missed."""
+"""Least number of steps of approach and of separation.
+
+With longer steps the end of a short contact could be missed.
+"""
 LONGEST_DURATION = 1e3
-"""Factor by which a contact may last longer than the contact of the head-on impact."""
+"""Largest duration of a contact, relative to that of the head-on impact."""
 
 
 @check.face
@@ -97,7 +100,7 @@ def oblique_impact(law: PairLaw, hit: Any, distance: float, normal: float, tange
 
 def _phase(law: PairLaw, start: Any, spin: float, distance: float, units: tuple[float, ...], expected: float,
            deepest: float | None) -> Array:
-    """Integrate the approach to the largest overlap, or the separation to the end of the force.
+    """Integrate to the largest overlap, or from there to the end of the force.
 
     The state is time in s, overlap in m, its rate in m/s, and ∫ l/r² dt in s/m.
 

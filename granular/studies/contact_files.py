@@ -1,4 +1,4 @@
-"""Contact lists from files of other programs and from snapshots: LAMMPS, and CSV with named columns."""
+"""Contact lists from snapshots, from files of LAMMPS, and from CSV files."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ FORMAT_FIX = "Use `dump_modify ID format float %.15g`, and name the columns in t
 LEAST_SIGHTINGS = 2.0
 """Mean number of snapshots of a contact from which on durations are resolved."""
 LEAST_ROWS_TO_JUDGE = 20
-"""Least number of contacts in a snapshot of a tracker from which on a loss of contacts is noticed."""
+"""Least number of contacts of a snapshot from which on a loss is noticed."""
 
 
 @check.face
 def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike | None = None,
               overlap: ArrayLike | None = None, distance: ArrayLike | None = None, frames: ArrayLike | None = None
               ) -> dict[str, Any]:
-    """Combine the contacts that exist at several times to contacts with a begin and an end.
+    """Combine the contacts of several snapshots to contacts with begin and end.
 
     A pair that touches in consecutive snapshots has one contact, which begins and ends between snapshots. Z, overlap
     and shared impulse are right on average for any time between snapshots. Durations and disturbed contacts require
@@ -212,7 +212,10 @@ def _tracked(rows: Any, frame: Any, steps: Any, step: float, length: Array | Non
 
 
 def _pairs(rows: Any, frame: Any, steps: Any, step: float, length: Array | None) -> dict[str, Any]:
-    """Return the arguments of `analyse` for rows of pairs. Pairs that do not touch are left out."""
+    """Return the arguments of `analyse` for rows of pairs.
+
+    Pairs that do not touch are left out.
+    """
     names = rows.dtype.names
     force = rows["force"] if "force" in names else np.ones(len(rows))
     gap = rows["distance"] - length if length is not None and "distance" in names else np.full(len(rows), -1.0)
@@ -225,7 +228,7 @@ def _pairs(rows: Any, frame: Any, steps: Any, step: float, length: Array | None)
 
 @check.face
 def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Read contacts, or the contacts of several snapshots, from a CSV file with named columns.
+    """Read contacts or snapshots from a CSV file with named columns.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contact lists of runs in three dimensions: overlaps in time and deviation from hard spheres.
+"""Contact lists of runs in three dimensions, and deviation from hard spheres.
 
 A contact of a soft run acts like a collision of hard spheres if it is short and undisturbed. For gases two numbers
 estimate the error of means: s = π⟨ξ_max⟩/(R₁ + R₂) and Z, the mean number of contacts of a particle. Cooling rate,

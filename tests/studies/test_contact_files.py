@@ -2,7 +2,9 @@
 
 import json
 import math
+import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -243,3 +245,26 @@ def test_the_command_prints_one_paragraph(granular, tmp_path):
     (tmp_path / "list.csv").write_text("i,j,begin,end,overlap\n1,2,0,1,0.001\n3,4,0.5,1.5,0.001\n1,3,2,3,0.001\n")
     code, out, _ = granular("contacts list.csv --diameter 1 --particles 100")
     assert (code, out.partition(" Z = ")[0]) == (0, "Means differ from hard spheres by up to about 1.3 %.")
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "guide" / "your-own-3d-run.md"
+
+
+@pytest.mark.soak
+def test_a_run_of_lammps_from_its_input_to_the_paragraph(granular, tmp_path):
+    """The input and the command of the page, word for word, and snapshots of the same run."""
+    if shutil.which("lmp") is None:
+        pytest.skip("LAMMPS is not installed")
+    blocks = re.findall(r"^```text\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    deck, command, snapshots = (block for block in blocks if not block.startswith("Means"))
+    (tmp_path / "in.gas").write_text(deck.replace("run 10000\n", snapshots + "run 10000\n"), encoding="utf-8")
+    subprocess.run(["lmp", "-in", "in.gas"], cwd=tmp_path, check=True, capture_output=True)
+    code, out, _ = granular(command.strip().removeprefix("granular "))
+    assert code == 0
+    assert re.match(r"Means differ from hard spheres by up to about 1\d %\. Z = 0\.[23]", out), out
+    assert "Contacts that had not ended are missing in the file" in out
+    tracked = contacts.analyse(**contacts.read_lammps(tmp_path / "seen.local", 2e-4, diameter=1.0), particles=216)
+    seen = contacts.analyse(**contacts.read_lammps(tmp_path / "snapshots.local", 2e-4, diameter=1.0), particles=216)
+    assert seen.occupation == pytest.approx(tracked.occupation, rel=0.15)
+    assert seen.deviation == pytest.approx(tracked.deviation, rel=0.15)
+    assert "Snapshots too far apart" in str(seen)

@@ -1,0 +1,1 @@
+"""Soft and hard spheres in three dimensions, to calibrate `gr.contacts`."""
