@@ -1,4 +1,4 @@
-"""Both programs in three dimensions: closed forms of the hard one, energy and single impacts of the soft one."""
+"""Closed forms of hard spheres, energy and an oblique impact of soft spheres."""
 
 import math
 

@@ -153,10 +153,11 @@ def _frames(file: IO[str], name: str, columns: str | None) -> Iterator[tuple[int
     """Yield step and rows of each snapshot of a dump."""
     step, count = -1, 0
     for line in file:
-        if line.startswith("ITEM: TIMESTEP"):
-            step = int(next(file))
-        elif line.startswith("ITEM: NUMBER OF ENTRIES"):
-            count = int(next(file))
+        if line.startswith(("ITEM: TIMESTEP", "ITEM: NUMBER OF ENTRIES")):
+            word = plain_text(next(file, "").strip())
+            if not word.isdecimal():
+                raise ValueError(must(f"the line after {line.strip()} in {name!r}", "an integer", repr(word)))
+            step, count = (int(word), 0) if "TIMESTEP" in line else (step, int(word))
         elif line.startswith("ITEM: ENTRIES") and step >= 0:
             dtype = _row_type(line.split()[2:], columns)
             try:

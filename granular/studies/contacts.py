@@ -93,9 +93,14 @@ class Contacts(Report):
         return math.pi * self.relative_overlap + 0.5 * self.occupation
 
     @property
+    def relative_duration(self) -> float:
+        """Mean duration over that of undisturbed contacts, nan without such contacts."""
+        return float(self.durations.mean()) / (self.isolated_duration or math.nan)
+
+    @property
     def statement(self) -> str:
         """Sentence about the agreement of means with hard spheres."""
-        if self.occupation > GAS_OCCUPATION or self.durations.mean() > GAS_DURATION * self.isolated_duration:
+        if self.occupation > GAS_OCCUPATION or self.relative_duration > GAS_DURATION:
             return "Many contacts last: this is not a gas, and hard spheres cannot replace it."
         if math.isnan(self.deviation):
             return f"The deviation of means from hard spheres is at least Z/2 = {percent(0.5 * self.occupation)}. "\
@@ -110,7 +115,7 @@ class Contacts(Report):
             f"{percent(self.disturbed_share)} of {len(self.disturbed)} contacts of {self.particles} particles are "
             f"disturbed, {percent(self.shared_impulse)} of the impulse is shared, and the largest cluster has "
             f"{max(self.clusters)} contacts. Relative to undisturbed contacts, the mean duration is "
-            f"{number(float(self.durations.mean()) / self.isolated_duration, '.3g')}.",
+            f"{number(self.relative_duration, '.3g')}.",
             CALIBRATION, *self.notes])
 
     def _numbers(self) -> dict[str, Any]:
@@ -175,7 +180,7 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
     # the order of simultaneous onsets matters for instantaneous contacts only
     order = np.lexsort((stop, onset)) if (stop == onset).any() else np.argsort(onset)
     bodies, onset, stop, push = _bodies(i, j, shape)[:, order], onset[order], stop[order], push[order]
-    at_wall = np.isin(bodies, np.asarray(walls, dtype=np.int64))
+    at_wall = np.isin(bodies, check.array("walls", walls))
     _refuse_simultaneous(bodies - bodies.min(), onset, stop)
     particle, contact, is_first, latest = contact_lists.sides(bodies - bodies.min(), stop, at_wall)
     found = int(is_first.sum() - at_wall.sum())
@@ -195,7 +200,7 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
     lone = f"Particles without a contact are unknown, so Z is a mean over the {found} particles of the list."
     return Contacts(
         count, float(within.sum()) / (count * (final - start)), _relative_overlap(overlap, distance, shape), disturbed,
-        max(0.0, 1.0 - float(alone / push.sum())), durations,
+        max(1.0 - float(alone) / (float(push.sum()) or math.nan), 0.0), durations,
         math.nan if disturbed.all() else float(np.median(durations[~disturbed])), pause[pause > 0.0],
         dict(zip(size.tolist(), number_of.tolist(), strict=True)), int(is_open.sum()),
         (*notes, *[lone] * (particles is None), *[f"{is_open.sum()} contacts have no end."] * bool(is_open.any())))

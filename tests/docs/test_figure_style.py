@@ -21,8 +21,8 @@ ENOUGH_POINTS = {"counts": 6, "validity": 6, "forces": 400}
 BENCH = {"driven": 3, "isolation": 7, "bounded": 3, "waves": 3, "oblique": 19}
 PURE_NUMBERS = re.compile(
     r"contacts?( of the two balls|\nof pair)?|pair|ball|number of balls.*|change of the scene|fraction of draws below|"
-    r"largest error of means|estimate, \$B.*|rotation over \$v t_c/l\$|heat flow, soft/hard|force/peak force|"
-    r"amplitude ratio of neighbouring balls|correct digits of velocities|"
+    r"largest error of means|normal restitution, .*|estimate, \$B.*|rotation over \$v t_c/l\$|"
+    r"heat flow, soft/hard|force/peak force|amplitude ratio of neighbouring balls|correct digits of velocities|"
     r"energy left, \$E/E_0\$|time, \$t/\\tau\$|total loss, N \(1 − ε\)|acceleration amplitude over g, Γ|"
     r"\$.*(varepsilon|R_1/R_2|\|v_\{10\}\|).*|\$\\log_\{10\}\$.*")
 """Labels of pure numbers. All other labels end with a unit in parentheses."""

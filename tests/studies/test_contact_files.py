@@ -107,6 +107,10 @@ def test_files_of_another_kind_are_refused(tmp_path):
     path.write_text(path.read_text()[: -len("1 2 5 15 0.9 \n")])
     with pytest.raises(ValueError, match=r"complete file, got .* which ends within a snapshot"):
         contacts.read_lammps(path, 1.0)
+    for text in ("ITEM: TIMESTEP\n", "ITEM: TIMESTEP\nten\n", "ITEM: TIMESTEP\n10\nITEM: NUMBER OF ENTRIES\n-1\n"):
+        (tmp_path / "other").write_text(text)
+        with pytest.raises(ValueError, match=r"^The line after ITEM: .* in .* must be an integer, got '.*'\.$"):
+            contacts.read_lammps(tmp_path / "other", 1.0)
     with pytest.raises(FileNotFoundError):
         contacts.read_lammps(tmp_path / "none", 1.0)
     (tmp_path / "no.gz").write_text("ITEM: TIMESTEP")

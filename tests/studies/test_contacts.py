@@ -224,6 +224,14 @@ def test_what_the_report_states():
     assert gas(end=np.where(np.arange(50) < 3, np.nan, 1.0)).durations[0] == 100.0
 
 
+def test_hard_spheres_and_contacts_without_impulse_have_reports():
+    found = contacts.analyse([0, 1], [1, 2], [0.0, 1.0], [0.0, 1.0], impulse=[0.0, 0.0])
+    assert (found.occupation, found.disturbed_share, found.statement[:13]) == (0.0, 0.0, "The deviation")
+    assert math.isnan(found.shared_impulse)
+    assert math.isnan(found.relative_duration)
+    assert "the mean duration is –." in str(found)
+
+
 def test_json_has_numbers_and_no_arrays(tmp_path):
     found = gas().to_dict()
     assert (found["disturbed"], found["durations"], found["particles"]) == (0.0, 1.0, 100)
@@ -257,6 +265,7 @@ GOOD = {"i": [0, 1], "j": [1, 2], "begin": [0.0, 1.0], "end": [1.0, 2.0]}
     ({"i": ["a", "b"]}, r"^`i` must be an array of numbers, got \['a', 'b'\]\.$"),
     ({"particles": 0}, r"^`particles` must be an integer of at least 3, got 0\.$"),
     ({"particles": 2}, r"^`particles` must be an integer of at least 3, got 2\.$"),
+    ({"walls": ["floor"]}, r"^`walls` must be an array of numbers, got \['floor'\]\.$"),
     ({"walls": [0, 1, 2]}, r"^`particles` must be an integer of at least 1, got 0\.$"),
     ({"distance": 0.0, "overlap": [0.1, 0.1]}, r"^`distance\[0\]` must be positive and finite, got 0\.0\.$"),
     ({"distance": [1.0], "overlap": [0.1, 0.1]}, r"^`distance` must be an array of shape \(2,\)"),
