@@ -57,7 +57,7 @@ def draw(data: dict[str, Any]) -> Any:
     normal.set(xlabel="angle of impact, θ (°)", ylabel="normal restitution, $\\varepsilon_n$", xlim=(0.0, 90.0))
     turned.legend(loc="upper left")
     stored = json.loads(ENSEMBLES_PATH.read_text(encoding="utf-8"))["groups"]
-    for marker, (name, rows) in zip(MARKERS, stored.items(), strict=False):
+    for marker, (name, rows) in zip(MARKERS, sorted(stored.items()), strict=True):
         worst = [max(row["errors"].values(), key=lambda error: abs(error[0])) for row in rows]
         errors.errorbar([row["B"] for row in rows], [abs(error) for error, _ in worst], [sigma for _, sigma in worst],
                         fmt=marker, ms=3.5, lw=0.8, label=name)
