@@ -36,6 +36,7 @@ CALIBRATION = ("B is calibrated on homogeneous gases of frictionless spheres wit
                "Particles are not compared one by one.")
 
 
+@check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Contacts(Report):
     """Result of `analyse`. Arrays are in the order of the list.

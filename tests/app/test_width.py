@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from granular.app.cli.output import wrap_text
@@ -21,6 +23,7 @@ LINES = {
     "ensemble": ["ensemble three-balls --vary gap=1e-4,1e-5 --draws 4 --result v_rel"],
     "page": ["page three-balls"],
     "view": ["view run.npz"],
+    "contacts": ["contacts list.csv --diameter 1 --particles 100"],
     "verify": ["verify", "verify touching-cradle", "verify solitary-wave"],
     "warm": [],  # prints times of compilers; one word, a kind and a number a line
     "info": ["info"],
@@ -36,6 +39,7 @@ def test_every_command_has_its_lines():
 @pytest.mark.parametrize("name", LINES)
 def test_output_fits_in_the_terminal(granular, monkeypatch, name, columns):
     granular("run three-balls --engine edmd --save run.npz")
+    Path("list.csv").write_text("i,j,begin,end,overlap\n1,2,0,1,0.001\n3,4,0.5,,0.001\n", encoding="utf-8")
     monkeypatch.setenv("COLUMNS", columns)
     width = int(columns or 80)
     for line in [*LINES[name], f"{name} --help"] if columns != "60" else LINES[name]:

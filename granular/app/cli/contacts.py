@@ -13,7 +13,7 @@ from granular.studies import contacts
 class ContactList(Command):
     """Estimate from contacts of another program whether means agree with hard spheres."""
 
-    USAGE = "FILE [--time-step NUMBER] [--diameter NUMBER] [--particles NUMBER]"
+    USAGE = "FILE [--time-step NUMBER] [--diameter NUMBER] [options]"
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
