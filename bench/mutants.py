@@ -197,6 +197,17 @@ MUTANTS = [
         "return 1.0",
         "both_engines/test_fronts",
     ),
+    # oblique impacts and contact lists
+    ("md", "/ law.pair.m_eff - spin * spin / r**3", "/ law.pair.m_eff - spin * spin / r**2", "md/test_oblique"),
+    ("md", "xi if deepest is None else deepest)", "xi)", "md/test_oblique"),
+    ("studies", "pause < 0.0, np.zeros", "pause <= 0.0, np.zeros", "studies/test_contacts"),
+    ("studies", "[(group * n + stop) * 2, (group * n + start) * 2 + 1]",
+     "[(group * n + stop) * 2 + 1, (group * n + start) * 2]", "studies/test_contacts"),
+    ("studies", "by_end[np.roll(running, 1) % n]", "by_end[running % n]", "studies/test_contacts"),
+    ("studies", "is_open = label[first] != label[second]", "is_open = label[first] < 0", "studies/test_contacts"),
+    ("studies", "kept = np.sort(order[np.append(True, ~again)])", "kept = np.sort(order)",
+     "studies/test_contact_files"),
+    ("studies", "edge[frame[row] + n_seen]", "edge[frame[row]] + n_seen", "studies/test_contact_files"),
 ]
 
 
