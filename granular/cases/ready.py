@@ -72,7 +72,8 @@ def of_restitution(
     """
     choices = list(LAW_CONSTRUCTORS) if material is None else [name for name in LAW_CONSTRUCTORS if "Hertz" in name]
     constructor = LAW_CONSTRUCTORS[check.choice("law" if material is None else "the law of a material", law, choices)]
-    accepted = {parameter.name for parameter in build.parameters(constructor)}
+    # without the keyword-only parameters of `from_restitution`, which replace the stiffness
+    accepted = {p.name for p in build.parameters(constructor) if p.kind is not p.KEYWORD_ONLY}
     k, speed = check.number("stiffness", stiffness, above=0.0), first_impact_speed(scene)
     restitutions = list(restitution) if isinstance(restitution, Sequence) else restitution
     chosen_material = None if material is None else materials.named(material)

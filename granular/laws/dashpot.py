@@ -59,8 +59,13 @@ class LinearDashpot(_StiffAndDamped):
     exponent = 1.0
 
     @classmethod
-    def from_restitution(cls, restitution: float, k: float, pair: Pair) -> LinearDashpot:
+    def from_restitution(
+        cls, restitution: float, k: float | None = None, pair: Pair | None = None, *, duration: float | None = None,
+    ) -> LinearDashpot:
         """Return the law with a given restitution of an isolated contact in `pair`.
+
+        Either the stiffness or the contact duration t_c is given. With ζ and f(ζ) of the module docstring, k = m_eff
+        (2 f / t_c)² and γ = 4 ζ f m_eff / t_c. An isolated contact of the law has exactly this ε and this t_c.
 
         Parameters
         ----------
@@ -69,14 +74,33 @@ class LinearDashpot(_StiffAndDamped):
         k : float
             Stiffness in N/m, positive.
         pair : Pair
-            Pair with the effective mass.
+            Pair with the effective mass. Required.
+        duration : float
+            Instead of `k`: contact duration t_c in s, positive, from the touch until the force is zero.
 
         Returns
         -------
         LinearDashpot
+
+        Raises
+        ------
+        ValueError
+            If both or neither of `k` and `duration` are given.
+
+        Examples
+        --------
+        >>> import granular as gr
+        >>> pair = gr.scenes.three_balls().pairs[1]
+        >>> law = gr.LinearDashpot.from_restitution(0.75, duration=0.1, pair=pair)
+        >>> hit = gr.binary.collision(law, pair, speed=1.0)
+        >>> round(hit.restitution, 12), round(hit.duration, 12)
+        (0.75, 0.1)
         """
-        zeta, stiffness = damping_ratio(restitution), check.number("k", k, above=0.0)
-        return cls(k, 2.0 * zeta * math.sqrt(stiffness * checked_pair(pair).m_eff))
+        zeta, m_eff = damping_ratio(restitution), checked_pair(pair).m_eff
+        if (contact_duration := _duration_instead_of_k(k, duration)) is None:
+            return cls(k, 2.0 * zeta * math.sqrt(check.number("k", k, above=0.0) * m_eff))  # type: ignore[arg-type]
+        frequency = 2.0 * _half_duration(zeta) / contact_duration
+        return cls(frequency * frequency * m_eff, 2.0 * zeta * frequency * m_eff)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Return the force in N before it is clipped at 0 by the engine.
@@ -135,7 +159,7 @@ def damping_ratio(restitution: float) -> float:
     This is the exact inverse of `restitution`. With L = -ln(ε)/2, y is the root of y cot y = L, and ζ = cos y, if L <
     1. If L > 1, y is the root of y coth y = L, and ζ = cosh y.
     """
-    length = 0.5 * abs(math.log(check.number("restitution", restitution, above=0.0, at_most=1.0)))
+    length = 0.5 * abs(math.log(_positive_restitution(restitution)))
     # critical damping, where both branches below are 0/0
     if length == 1.0:
         return 1.0
@@ -145,6 +169,26 @@ def damping_ratio(restitution: float) -> float:
     tan, sin, cos, start = (math.tanh, math.sinh, math.cosh, length) if length > 1.0 else (
         math.tan, math.sin, math.cos, math.sqrt(3.0 * (1.0 - length)))
     return cos(_newton_root(lambda y: (y / tan(y), 1.0 / tan(y) - y / (sin(y) * sin(y))), start, length))
+
+
+def _positive_restitution(restitution: float) -> float:
+    """Return ε after checking that it is in (0, 1]."""
+    return check.number(
+        "restitution", restitution, above=0.0, at_most=1.0,
+        fix="A contact without rebound never ends. Give a small restitution, such as 0.01."
+        if isinstance(restitution, (int, float)) and restitution == 0.0 else "")
+
+
+def _duration_instead_of_k(k: float | None, duration: float | None) -> float | None:
+    """Return the checked contact duration in s, or None if `k` is given instead.
+
+    Raises `ValueError` if both or neither are given.
+    """
+    if (k is None) == (duration is None):
+        raise ValueError("Exactly one of `k` and `duration` must be given, got " + (
+            "neither. Give the stiffness or the contact duration." if k is None else
+            f"k = {k!r} and duration = {duration!r}. Restitution and duration determine the stiffness: omit `k`."))
+    return None if duration is None else check.number("duration", duration, above=0.0)
 
 
 def _half_duration(zeta: float) -> float:

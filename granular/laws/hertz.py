@@ -15,12 +15,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from granular._engine import check
-from granular.laws.dashpot import _StiffAndDamped, damping_ratio
+from granular.laws.dashpot import _duration_instead_of_k, _StiffAndDamped, damping_ratio, reduced_duration
 from granular.scene import Pair, checked_pair
 
 Each = float | Sequence[float]
 """Type of a property of both bodies: one number, or (lower, upper)."""
+WEAK_DAMPING_RATIO, DURATION_NODE_COUNT = 0.3, 60
+"""Constants of `_tsuji_duration`, sufficient for an error of rounding size.
+
+They are the damping ratio below which a contact ends close to a zero of z, and the number of Gauss points per half."""
 
 
 class _Spheres(_StiffAndDamped):
@@ -129,28 +135,45 @@ class ViscoelasticHertz(_Spheres):
         return cls(k, 1.5 * check.number("dissipation", dissipation, at_least=0.0) * k)
 
     @classmethod
-    def from_restitution(cls, restitution: float, speed: float, k: float, pair: Pair) -> ViscoelasticHertz:
+    def from_restitution(
+        cls, restitution: float, speed: float, k: float | None = None, pair: Pair | None = None, *,
+        duration: float | None = None,
+    ) -> ViscoelasticHertz:
         """Return the law with a given restitution *at one impact speed*.
+
+        Either the stiffness or the contact duration t_c at this speed is given. With b(ε) and the dimensionless
+        duration D(b) of `granular.laws.viscoelastic_restitution`, k = m_eff (D / t_c)^(5/2) v^(-1/2) and γ = b k^(3/5)
+        m_eff^(2/5) v^(-1/5).
 
         Parameters
         ----------
         restitution : float
             ε in (0, 1].
         speed : float
-            Impact speed in m/s.
+            Impact speed v in m/s.
         k : float
             Stiffness in N/m^(3/2), positive.
         pair : Pair
-            Pair with the effective mass.
+            Pair with the effective mass. Required.
+        duration : float
+            Instead of `k`: contact duration t_c in s at this speed, from the touch until the force is zero.
 
         Returns
         -------
         ViscoelasticHertz
-        """
-        from granular.laws.viscoelastic_restitution import damping
 
-        v, stiffness = check.number("speed", speed, above=0.0), check.number("k", k, above=0.0)
-        return cls(k, damping(restitution) * stiffness**0.6 * checked_pair(pair).m_eff**0.4 / v**0.2)
+        Raises
+        ------
+        ValueError
+            If both or neither of `k` and `duration` are given.
+        """
+        from granular.laws import viscoelastic_restitution as viscoelastic
+
+        v, b = check.number("speed", speed, above=0.0), viscoelastic.damping(restitution)
+        if (contact_duration := _duration_instead_of_k(k, duration)) is not None:
+            k = _stiffness_of_duration(viscoelastic.duration(b), contact_duration, v, pair)
+        stiffness = check.number("k", k, above=0.0)
+        return cls(k, b * stiffness**0.6 * checked_pair(pair).m_eff**0.4 / v**0.2)  # type: ignore[arg-type]
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Return the force in N before it is clipped at 0 by the engine.
@@ -191,8 +214,14 @@ class TsujiHertz(_Spheres):
     alpha: float
 
     @classmethod
-    def from_restitution(cls, restitution: float, k: float) -> TsujiHertz:
+    def from_restitution(
+        cls, restitution: float, k: float | None = None, *, duration: float | None = None, speed: float | None = None,
+        pair: Pair | None = None,
+    ) -> TsujiHertz:
         """Return the law with a given restitution at any speed: α = √5 ζ(ε).
+
+        Either the stiffness is given, or the contact duration t_c at one impact speed v. With the dimensionless
+        duration D(ζ) = v^(1/5) (k / m_eff)^(2/5) t_c, k = m_eff (D / t_c)^(5/2) v^(-1/2).
 
         Parameters
         ----------
@@ -200,12 +229,26 @@ class TsujiHertz(_Spheres):
             ε in (0, 1].
         k : float
             Stiffness in N/m^(3/2), positive.
+        duration : float
+            Instead of `k`: contact duration t_c in s at the impact speed `speed`, from the touch until the force is
+            zero. It is proportional to v^(-1/5).
+        speed, pair : float, Pair
+            Impact speed in m/s, and pair with the effective mass. They are used only with `duration`.
 
         Returns
         -------
         TsujiHertz
+
+        Raises
+        ------
+        ValueError
+            If both or neither of `k` and `duration` are given.
         """
-        return cls(k, math.sqrt(5.0) * damping_ratio(restitution))
+        zeta = damping_ratio(restitution)
+        if (contact_duration := _duration_instead_of_k(k, duration)) is not None:
+            k = _stiffness_of_duration(
+                _tsuji_duration(zeta), contact_duration, check.number("speed", speed, above=0.0), pair)
+        return cls(k, math.sqrt(5.0) * zeta)  # type: ignore[arg-type]
 
     @classmethod
     def from_material(cls, young: Each, poisson: Each, restitution: float, pair: Pair) -> TsujiHertz:
@@ -270,6 +313,34 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
         return 2.0 / 3.0 * lower[0] * math.sqrt(r_eff) / (1.0 - lower[1] * lower[1])
     softness = sum((1.0 - each[1] * each[1]) / each[0] for each in (lower, upper))
     return 4.0 / 3.0 * math.sqrt(r_eff) / softness
+
+
+def _stiffness_of_duration(dimensionless: float, duration: float, speed: float, pair: Pair | None) -> float:
+    """Return k of a Hertz contact with the duration t_c at the impact speed v.
+
+    t_c is in s and v in m/s. With the dimensionless duration D = v^(1/5) (k / m_eff)^(2/5) t_c, k is m_eff (D /
+    t_c)^(5/2) v^(-1/2).
+    """
+    return checked_pair(pair).m_eff * math.pow(dimensionless / duration, 2.5) / math.sqrt(speed)
+
+
+def _tsuji_duration(zeta: float) -> float:
+    """Return the dimensionless contact duration D(ζ) under Tsuji damping.
+
+    It is in units of (m_eff / k)^(2/5) v^(-1/5). With z = √(4/5) ξ^(5/4) and the time ds = (√5/2) ξ^(1/4) dt, the
+    contact becomes a contact of a dashpot with damping ratio ζ, in units of k, m_eff and v: z = exp(-ζ s) sin(w s) / w,
+    w = √(1 - ζ²). Therefore D = (4/5)^(3/5) ∫ z^(-1/5) ds. The second half of weakly damped contacts is integrated from
+    the next zero of z, at π/w.
+    """
+    w, half = complex((1.0 - zeta) * (1.0 + zeta)) ** 0.5, 0.5 * reduced_duration(zeta)
+    zero = math.pi / w.real if zeta < WEAK_DAMPING_RATIO else 0.0
+    # s = r^5 removes the singularity s^(-1/5)
+    start, end = np.array([(0.0, half), (2.0 * math.asin(zeta) / w.real, zero - half) if zero else (half, 2.0 * half)]
+                          ).T[:, :, None] ** 0.2
+    nodes, weights = np.polynomial.legendre.leggauss(DURATION_NODE_COUNT)
+    r = start + 0.5 * (end - start) * (nodes + 1.0)
+    z = r**5 * np.exp(-zeta * np.abs([[0.0], [zero]] - r**5)) * np.sinc(r**5 * w / math.pi).real
+    return float(0.8**0.6 * 2.5 * np.sum((end - start) * weights * r**4 * z**-0.2))
 
 
 def _both_bodies(name: str, value: Each, **limits: float) -> list[float]:

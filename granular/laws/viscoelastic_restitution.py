@@ -28,6 +28,7 @@ from pathlib import Path
 
 from granular._engine import check
 from granular._engine.kernels import kernel
+from granular.laws.dashpot import _positive_restitution
 
 _TABLE = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
 EXPONENT_TABLE, DURATION_TABLE, OVERLAP_TABLE, FORCE_TABLE = (
@@ -131,7 +132,7 @@ def damping(restitution: float) -> float:
     This is the inverse of `restitution` for ε in (0, 1]. No digits are lost for ε close to 1: b is correct to rounding
     error. The relative error is at most 4e-15, at b = 7e10.
     """
-    eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
+    eps = _positive_restitution(restitution)
     loss = 0.0 - math.log(eps)  # no -0
     if loss > LOSS_END:
         return math.pow(OVERLAP_LIMIT / eps, 0.6)

@@ -173,7 +173,8 @@ READY = '[scene]\nname = "three-balls"\n'
         r"ViscoelasticHertz, WaltonBraun, got 'Herz'\. Did you mean 'Hertz'\?"),
     (READY + '[law]\ntype = "Hertz"\nkk = 1\n', r"own\.toml: \[law\]: unknown key kk; did you mean k\?"),
     (READY + '[law]\ntype = "LinearDashpot"\nrestitution = 0.5\n',
-     r"own\.toml: \[law\]: The keys must be \(k\) or \(restitution, k\), got \(restitution\)\."),
+     r"own\.toml: \[law\]: Exactly one of `k` and `duration` must be given, got neither\. Give the stiffness or the "
+     r"contact duration\."),
     (READY + '[law]\ntype = "LinearDashpot"\nrestitution = 1.2\nk = 1\n',
         r"own\.toml: \[law\]: `restitution` must be a number in \(0, 1\], got 1\.2\."),
     (READY + '[law]\ntype = "LinearDashpot"\nk = "stiff"\n',

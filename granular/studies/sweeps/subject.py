@@ -318,7 +318,8 @@ def _with_restitution(case: Case, eps: float) -> Case:
 
 def _like(changes: dict[str, float], law: Any, pair: Any) -> Any:
     """Return a law of the same stiffness, with the restitution in `changes`."""
-    accepted = {parameter.name for parameter in parameters_of(law.from_restitution)}
+    # without the keyword-only parameters of `from_restitution`, which replace the stiffness
+    accepted = {p.name for p in parameters_of(law.from_restitution) if p.kind is not p.KEYWORD_ONLY}
     values = {name: value for name, value in (_fields_by_name(law) | changes).items() if name in accepted}
     return build.call([law.from_restitution], values, pair=pair)
 
