@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 PAGE_PATH = Path(__file__).resolve().parent.parent / "docs" / "development" / "plain-engines.md"
-FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING"})
+FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING", "METERED"})
 """Flags of the kernels that are False in scenes without special features."""
 MAX_WIDTH = 110
 """Width above which a folded condition is written on several lines."""

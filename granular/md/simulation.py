@@ -20,7 +20,7 @@ from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_law
 from granular.md.located import run as located
 from granular.run import until as stop
 from granular.run.contact_log import Event, yield_contacts
-from granular.run.drive import Request, checked_request, continue_run, drive, solve_with_sample_times
+from granular.run.drive import Request, checked_request, continue_run, drive, solve_soft_spheres
 from granular.run.trajectory import Status, Trajectory
 from granular.run.until import check_end
 from granular.scene.places import WallMeeting, checked, with_fitted_walls
@@ -190,7 +190,7 @@ def simulate(
         return _simulate_fixed_step(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
     tolerance = check.number("tol", tol, at_least=SMALLEST_TOL, at_most=1e-3)
     with _range_errors_as_value_error(laws.given[0]):
-        return solve_with_sample_times(lambda timed: drive(_with_level_stop(
+        return solve_soft_spheres(lambda timed: drive(_with_level_stop(
             located.Run(scene, laws, timed, engine, tolerance, disturbed))), request)
 
 
@@ -252,9 +252,10 @@ def _simulate_fixed_step(
         runs.append(fixed.Run(scene, laws, timed, method, time_step, engine))
         return drive(runs[-1])
 
-    run = solve_with_sample_times(solve, request)
-    if runs[-1].step_warning:
-        warnings.warn(runs[-1].step_warning, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
+    run = solve_soft_spheres(solve, request)
+    warning, runs[:] = runs[-1].step_warning, []  # frees memory: `solve` is kept for the energies of contacts
+    if warning:
+        warnings.warn(warning, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
     if run.status is not Status.unstable and len(run.contacts):
         check_deepest(laws, run.contacts)
     return run
@@ -356,7 +357,7 @@ def resume(
         "granular.edmd.resume.": trajectory.law is None or "origin" not in state,
         "`trajectory` is broken and cannot be continued. See its message.": trajectory.status is Status.broken,
     })
-    laws = checked_laws(trajectory.law, trajectory.scene)
+    laws, again = checked_laws(trajectory.law, trajectory.scene), vars(trajectory).get("again")
     request = _requested(
         trajectory.scene, laws, float(trajectory.stats.get("end", trajectory.time[-1])), t_end, engine, disturbed,
         until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps, on_event=on_event,
@@ -365,8 +366,9 @@ def resume(
     with_fitted_walls(trajectory.scene, request.start, request.end)  # raises if the path of a wall ends before the run
     _check_walls(trajectory.scene, float(check.saved_array(state, "origin", "f", ())), request.end)
     with _range_errors_as_value_error(laws.given[0]):
-        return solve_with_sample_times(lambda timed: continue_run(_with_level_stop(
-            located.Run(trajectory.scene, laws, timed, engine, math.nan, disturbed, state)), trajectory), request)
+        return solve_soft_spheres(lambda timed: continue_run(_with_level_stop(located.Run(
+            trajectory.scene, laws, timed, engine, math.nan, disturbed,
+            again().state if timed.energies and again else state)), trajectory), request)
 
 
 @contextmanager

@@ -117,7 +117,7 @@ class LazyContacts:
             return log
 
         def __getstate__(self) -> dict[str, Any]:
-            return vars(self) | {"state": self.state, "kept": None}
+            return vars(self) | {"state": self.state, "kept": None, "again": None}
 
 
 def in_order(log: Rows) -> Rows:

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from enum import Enum
+from functools import partial
 from os import PathLike
 from typing import Any, NamedTuple, Protocol
 
@@ -51,6 +52,8 @@ class Request(NamedTuple):
         It yields a function of the time reached and the number of contacts, or None.
     singly : bool
         Whether the run pauses after every event.
+    energies : bool
+        Whether the column `force_max` of the contact log contains dissipated energies in J instead of forces.
     """
 
     start: float
@@ -64,6 +67,7 @@ class Request(NamedTuple):
     progress_report: AbstractContextManager[ProgressCallback | None]
     max_steps: int
     singly: bool = False
+    energies: bool = False
 
     @property
     def rows(self) -> bool:
@@ -152,6 +156,19 @@ def solve_with_sample_times(solve: Callable[[Request], Trajectory], request: Req
     times = np.linspace(start, end, samples) if isinstance(samples, int) else _times_around_contacts(
         first.contacts, start, end)
     return solve(request._replace(samples=times if end in (request.end, start) else times[:-1]))
+
+
+def solve_soft_spheres(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
+    """Solve a request of soft spheres, and prepare the energies of its contacts.
+
+    They are computed on first access to `Trajectory.dissipated` by solving the request again. The attribute `again` of
+    the trajectory is the function that does this.
+    """
+    run = solve_with_sample_times(solve, request)
+    if isinstance(run, Trajectory):
+        vars(run)["again"] = partial(solve, request._replace(
+            samples=None, log=True, stream=None, on_event=None, progress_report=nullcontext(), energies=True))
+    return run
 
 
 def _times_around_contacts(log: Rows, start: float, end: float) -> check.Array:

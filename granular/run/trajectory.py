@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, face, integer
+from granular._engine.check import Array, face, integer, raise_if_true
 from granular.laws.kinds import resolved
 from granular.run.contact_log import (
     CONTACT as CONTACT,
@@ -232,6 +232,55 @@ class Trajectory(LazyContacts):
                     "dissipated": energy[0] - energy + work.sum(axis=1)}
         return {"energy": energy, "work": self.ledger[:, :2], "heat": self.ledger[:, 2:4], "momentum": momentum,
                 "dissipated": self.ledger[:, 4]}
+
+    @cached_property
+    def dissipated(self) -> Array:
+        """Energy in J that each contact dissipates, one entry per row of `contacts`.
+
+        It is ∫ F ξ̇ dt from onset to end, or so far, with the contact force F in N and the rate ξ̇ of the overlap in
+        m/s. For soft spheres the first access repeats the run, because this integral would slow down every run. Then
+        it holds for every law, also where contacts overlap. For an isolated contact it is ½ m_eff (w_in² - w_out²) with
+        the closing rates w_in and w_out. A contact that is clipped while balls overlap also dissipates its elastic
+        energy, and a contact that begins overlapped can have a negative value. For hard spheres, and for hits of
+        thermal walls, it is J (w_in + w_out) / 2 with the impulse J in N s. A hit of a thermal wall has minus its heat.
+
+        Raises
+        ------
+        ValueError
+            For a run of soft spheres that was loaded from a file or copied from another process.
+        """
+        log, again = self.contacts, vars(self).get("again")
+        energies: Array = log["impulse"] * ((log["v_in"] + log["v_out"]) @ (0.5, -0.5))
+        if not (has_duration := ~np.isnan(log["force_max"])).any():
+            return energies
+        if again is None:
+            raise ValueError("`dissipated` requires a run of soft spheres that this process has simulated, got a "
+                             "loaded run or a copy. Simulate it again.")
+        return np.where(has_duration, again().contacts["force_max"], energies)
+
+    def dissipation(self) -> Array:
+        """Return the rate of dissipation in W at every sample, shape (T,).
+
+        It is the derivative of the dissipated energy of `account`, Σ (F - F_el(ξ)) ξ̇ over the overlapping pairs. F is
+        the contact force in N, F_el = dU/dξ the elastic force at the overlap ξ, and ξ̇ its rate in m/s. Where the force
+        is clipped at zero, elastic energy is dissipated. Hits of thermal walls are instantaneous and have no rate.
+
+        Raises
+        ------
+        ValueError
+            For hard spheres, and for laws with memory, whose elastic energy does not follow from the overlap.
+        """
+        laws = () if self.law is None else resolved(self.law, self.scene)
+        raise_if_true({
+            "`dissipation` requires soft spheres, got instantaneous collisions. Use `dissipated`.":
+                self.law is None,
+            "`dissipation` requires laws with a potential, got a law with memory. Use `dissipated`.":
+                any(law.memory for law in laws)})
+        rate, power = -self.scene.across(self.velocity), np.zeros(len(self.time))
+        for c in np.flatnonzero((self.gap < 0.0).any(axis=0)).tolist():
+            elastic_force = np.array([laws[c].force(xi, 0.0, xi) if xi > 0.0 else 0.0 for xi in -self.gap[:, c]])
+            power += (np.asarray(self.force)[:, c] - elastic_force) * rate[:, c]
+        return power
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw the paths of the balls over time without their radii, with all contacts.

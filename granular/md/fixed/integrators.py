@@ -18,6 +18,7 @@ from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.fixed.contact_force import object_force as force
 from granular.md.fixed.window import (
     END,
+    ENERGIES,
     HALF,
     HAS_DAMPING,
     KEEPS_LOG,
@@ -56,7 +57,8 @@ def update_peaks(j: int, was_xi: float, xi: float, was: float, raw: float, a: An
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
     if KEEPS_LOG:
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
-        a.force_max[j + 1] = raw if raw > a.force_max[j + 1] else a.force_max[j + 1]
+        if KEEPS_LOG != ENERGIES:
+            a.force_max[j + 1] = raw if raw > a.force_max[j + 1] else a.force_max[j + 1]
     was_overlapping, is_overlapping = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
     return (was_overlapping ^ is_overlapping) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * is_overlapping
 
@@ -79,7 +81,8 @@ def add_impulse(j: int, half: float, a: Any) -> None:
     """Add the impulse of pair `j` in a step of length 2·`half` in s to its sums.
 
     The impulse is added to `a.shared` if a neighbouring pair exerts a force. If a log is kept, it is always added to
-    `a.impulse`.
+    `a.impulse`. The energies ∫ F dξ by the trapezoidal rule are consistent with Verlet's method: their sum over all
+    pairs is the energy that the balls lose between two free flights, to rounding.
     """
     before, after = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0, a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
     # trapezoidal rule
@@ -87,6 +90,8 @@ def add_impulse(j: int, half: float, a: Any) -> None:
     a.shared[j + 1] += impulse if neighbour_force > 0.0 else 0.0
     if KEEPS_LOG:
         a.impulse[j + 1] += impulse
+    if KEEPS_LOG == ENERGIES:
+        a.force_max[j + 1] += 0.5 * (before + after) * (a.xi[j + 1] - a.was_xi[j + 1])
 
 
 @kernel

@@ -16,7 +16,21 @@ from typing import Any
 import numpy as np
 
 from granular._engine.kernels import RING, kernel
-from granular.md.fixed.window import COUNT, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
+from granular.md.fixed.window import (
+    COUNT,
+    ENERGIES,
+    FORCE_MAX,
+    IMPULSE,
+    LOWER,
+    PART,
+    RAW,
+    STEP,
+    TOUCHED,
+    UPPER,
+    XI,
+    XI_MAX,
+    V,
+)
 from granular.run.contact_log import SOFT_FIELDS
 
 STEP_ROW = np.dtype(
@@ -99,16 +113,17 @@ def _clear_touched_marks(j: int, ring: int, now: Any) -> None:
 
 
 @kernel
-def _begin(j: int, k: int, dt: float, ring: int, was: Any, now: Any) -> None:
+def _begin(j: int, k: int, physics: Any, was: Any, now: Any) -> None:
     """Begin to record contact `j`, whose force became positive in step `k`."""
     if now[TOUCHED][j] == 0 or was[XI][j] < 0.0:
         part = part_of_step(j, was[XI][j], was, now)
         _store_onset(j, k, part, was, now)
-        begin_resting_neighbours(j, k, part, ring, was, now)
+        begin_resting_neighbours(j, k, part, physics.ring, was, now)
     now[TOUCHED][j] = 0
     now[COUNT][j] += 1
-    # the impulse starts by the trapezoidal rule, with force 0 before the onset
-    now[XI_MAX][j], now[FORCE_MAX][j], now[IMPULSE][j] = now[XI][j], now[RAW][j], 0.5 * dt * now[RAW][j]
+    # impulse and energy start by the trapezoidal rule, with force 0 before the onset
+    now[XI_MAX][j], now[IMPULSE][j], now[FORCE_MAX][j] = now[XI][j], 0.5 * physics.dt * now[RAW][j], (
+        0.5 * (now[XI][j] - was[XI][j]) * now[RAW][j] if physics.logged == ENERGIES else now[RAW][j])
 
 
 @kernel
@@ -132,7 +147,7 @@ def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any,
         j = c - lo + 1
         was_active, is_active = was[RAW][j] > 0.0, now[RAW][j] > 0.0
         if is_active and not was_active and physics.logged:
-            _begin(j, k, physics.dt, physics.ring, was, now)
+            _begin(j, k, physics, was, now)
         if was_active and not is_active:
             if physics.logged:
                 row = work.log[work.ended[0]]

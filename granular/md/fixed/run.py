@@ -22,7 +22,7 @@ from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
 from granular.md.fixed.stepper import Stepper
 from granular.md.fixed.walls import MAX_HITS_PER_STEP
-from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROW_NAMES, SHARED, XI, V, copy_state
+from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, ENERGIES, PART, RAW, ROW_NAMES, SHARED, XI, V, copy_state
 from granular.md.time_step import DOUBTFUL_DT_LAMBDA, expected_rate, highest_rate_bound
 from granular.run import until as stop
 from granular.run.contact_log import CONTACT_ROW, SOFT_FIELDS, Rows
@@ -76,7 +76,7 @@ class Run:
         self.integrator, self.dt, self.engine = INTEGRATORS[method], dt, engine
         until = request.until
         self.pair, self.nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
-        logged = request.rows or self.pair >= 0
+        logged: int = ENERGIES if request.energies else request.rows or self.pair >= 0
         self.stepper = Stepper(scene, laws, self.integrator, dt, until=(self.pair, self.nth), logged=logged,
                                at_once=engine == "compiled", start=self.start)
         self.k = self.steps = self.flights = self.contacts = 0

@@ -44,7 +44,7 @@ Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swi
 
 @cache
 def kernels(
-    integrator: Integrator, force: Any, logged: bool, damped: bool, flags: tuple[tuple[str, bool], ...]
+    integrator: Integrator, force: Any, logged: int, damped: bool, flags: tuple[tuple[str, bool], ...]
 ) -> Code:
     """Return the kernels for an integrator and a contact force.
 
@@ -54,8 +54,8 @@ def kernels(
         Method of the steps.
     force : kernel
         Contact force of a pair, see `contact_force`.
-    logged, damped : bool
-        Whether contacts are logged, and whether forces depend on velocities.
+    logged, damped : int, bool
+        Whether contacts are logged (`window.KEEPS_LOG`), and whether forces depend on velocities.
     flags : tuple of (str, bool)
         Values of scene flags, such as `RING`.
     """
@@ -86,8 +86,8 @@ class Stepper:
         Time step in s.
     until : tuple of int
         Pair and number of the contact at whose onset to stop. Pair -1 denotes no contact.
-    logged : bool
-        Whether contacts are logged. Otherwise they are only counted.
+    logged : int
+        Whether contacts are logged, see `window.KEEPS_LOG`. Otherwise they are only counted.
     at_once : bool
         Whether the run is compiled from its start. Otherwise it starts interpreted.
     start : float
@@ -100,7 +100,7 @@ class Stepper:
     """
 
     def __init__(
-        self, scene: Scene, laws: SceneLaws, integrator: Integrator, dt: float, until: tuple[int, int], logged: bool,
+        self, scene: Scene, laws: SceneLaws, integrator: Integrator, dt: float, until: tuple[int, int], logged: int,
         at_once: bool, start: float = 0.0,
     ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
@@ -138,7 +138,7 @@ class Stepper:
         if at_once:
             self.compile()
 
-    def _state(self, start: float, logged: bool, memory: bool) -> Array:
+    def _state(self, start: float, logged: int, memory: bool) -> Array:
         """Return the initial state table, up to the last row that the run needs.
 
         Forces are not set. `start` is the time in s of the initial state.
@@ -356,7 +356,7 @@ class Stepper:
         self.work.ended[0] = ended  # hits of thermal walls in this partial step are not counted
         return self.there if dt > 0.0 else self.here
 
-    def _compute_partial_step(self, k: int, dt: float, logged: bool) -> int:
+    def _compute_partial_step(self, k: int, dt: float, logged: int) -> int:
         """Take a single step of length `dt` in s from step `k`, and return its flags.
 
         The result is written to `there`. For `dt` = 0 nothing is written.

@@ -59,11 +59,15 @@ velocities within a step. `rate`, `start` and `sway` are sums and initial displa
 """Indices of the rows in the state table of a chain, in the order of `ROW_NAMES`.
 
 The table ends with the last row that the run needs."""
-KEEPS_LOG: bool = False
-"""Whether a contact log is kept.
+KEEPS_LOG: int = 0
+"""Whether a contact log is kept: 0, 1, or `ENERGIES`.
 
 Kernels then store peaks and the state one step ago. `Stepper` uses copies of the kernels in which this constant is
 replaced."""
+ENERGIES = 2
+"""Value of `KEEPS_LOG` in runs that compute the energy of each contact.
+
+The row `force_max` then contains ∫ F ξ̇ dt in J instead of the largest force."""
 HAS_DAMPING: bool = True
 """Whether contact forces depend on velocities. It is replaced like `KEEPS_LOG`."""
 FIRST_WAS_ROW, FIRST_GIVEN_ROW = ROW_NAMES.index("was_xi"), ROW_NAMES.index("k")
@@ -88,7 +92,7 @@ Physics = namedtuple("Physics", "laws given root dt logged memory block walls ri
 * `given`: constant rows `K` to `SQUARE`.
 * `root`: whether the force is √ξ (k ξ + γ ξ̇) instead of k ξ + γ ξ̇.
 * `dt`: time step in s.
-* `logged`, `memory`: whether a log is kept, and whether a law has memory.
+* `logged`, `memory`: whether a log is kept (`KEEPS_LOG`), and whether a law has memory.
 * `block`: number of pairs per window without its margins.
 * `walls`, `heat`: driven walls and thermal walls (see `walls`), or 0.
 * `ring`: number of pairs of a ring, or 0."""

@@ -9,7 +9,7 @@ Where the force is clipped, the elastic energy U(ξ) is dissipated, because it i
 Both integrands are products of polynomials, integrated by Gauss's rule to rounding error. A contact solved as one event
 dissipates ½ m (v² - v2²), where v and v2 are the speeds before and after it. A wall of constant velocity u then does
 the work J u, where J is the impulse. Each sum is stored as two floats. If no wall moves or is thermal, `WORKED` is
-false and nothing of this module is compiled.
+false and nothing of this module is compiled, except `work_of_force` for the energies of single contacts (`METERED`).
 """
 
 from __future__ import annotations
@@ -200,6 +200,24 @@ def dissipated_energy(member: Any, block: Any, tau: float, laws: Any) -> float:
         # elapsed(x, q, 1)/x is x^(q-1): the factor from dt/dx at the node
         total += ENERGY_WEIGHTS[i] * rate * elapsed_time(ENERGY_NODES[i], block.clock, 1.0) / ENERGY_NODES[i]
     return scale * total
+
+
+@kernel
+def work_of_force(member: Any, block: Any, tau: float) -> float:
+    """Return ∫ F ξ̇ dt in J of an active pair from the start of its piece to τ.
+
+    It is the energy that the contact takes from the motion, for any law. `block` is the record of its island.
+    """
+    total = 0.0
+    for i in range(ENERGY_NODE_COUNT):
+        total += (
+            ENERGY_WEIGHTS[i]
+            * value(member.f, tau * ENERGY_NODES[i])
+            * value(member.e, tau * ENERGY_NODES[i])
+            * elapsed_time(ENERGY_NODES[i], block.clock, 1.0)
+            / ENERGY_NODES[i]
+        )
+    return clock_rate(block, tau) * total
 
 
 @kernel

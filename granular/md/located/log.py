@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from granular._engine.flight import swing_after
-from granular._engine.kernels import HUNG, RING, kernel
+from granular._engine.kernels import HUNG, METERED, RING, kernel
+from granular.md.located.ledger import work_of_force
 from granular.md.located.pieces import elapsed_time, integral, time_since, two_sum, update_peaks
-from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, PEAKS
+from granular.md.located.records import ACTIVE, DORMANT, ENERGIES, NO_LOG, PEAKS
 from granular.md.located.system import is_closed, wrapped_number
 
 
@@ -48,6 +49,8 @@ def add_to_contacts(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau:
                 run.shared_low += rest
             if run.log_level == PEAKS:
                 update_peaks(pair, tau, scratch)
+            elif METERED and run.log_level == ENERGIES:
+                pair.force_max += work_of_force(pair, block, tau)
         # the duration includes the time at rest without a resolved force
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt

@@ -215,10 +215,11 @@ CONTACT_TABLE_RECORD = np.dtype(
 
 `c` has Chebyshev coefficients of the quantities of a contact. `seen` has the `noted` contacts from which they are
 computed, and `error` is the error of these contacts."""
-NO_LOG, ROWS, PEAKS = range(3)
-"""Values of `log_level`: no contact log, rows without peaks, or rows with peaks.
+NO_LOG, ROWS, PEAKS, ENERGIES = range(4)
+"""Values of `log_level`: no log, rows without peaks, with peaks, with energies.
 
-Peaks are the largest overlap and the largest force of a contact."""
+Peaks are the largest overlap and the largest force of a contact. With `ENERGIES`, in runs with the flag `METERED`, the
+field `force_max` contains the dissipated energy ∫ F ξ̇ dt in J instead."""
 AT_LEAST_ONE = -1
 """Initial `pieces` of a contact that is integrated for at least one piece.
 

@@ -17,6 +17,7 @@ from granular.md.located.checkpoint import CHECKPOINT_RECORDS
 from granular.md.located.records import (
     CREEP_TESTED,
     EDGE,
+    ENERGIES,
     ENERGY_ACCOUNT_RECORD,
     MAX_CLOCK_EXPONENT,
     MAX_WORK_LIMIT,
@@ -213,6 +214,8 @@ def restored_records(s: System, state: Mapping[str, Any]) -> System:
     names = "run", "pairs", "pool", "bodies"
     run, pairs, members, bodies = (with_fields_of(state[name], CHECKPOINT_RECORDS[name]) for name in names)
     pairs["row"][pairs["row"] >= len(state["log"])] = -1  # rows of contacts that are over
+    if s.run["log_level"][0] == ENERGIES != run["log_level"][0]:  # the energies before the checkpoint are unknown
+        members["force_max"] = state["log"]["force_max"] = np.nan
     for name in ("until_pair", "until_nth", "separated", "log_level", "disturbing"):
         run[name] = s.run[name]
     for name, counter in (("max_events", "contacts"), ("max_steps", "steps")):

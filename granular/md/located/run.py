@@ -23,6 +23,7 @@ from granular.md.located.records import (
     BINDING,
     CRAMPED,
     DUE_TO_PLAN,
+    ENERGIES,
     GENERAL,
     IGNORE,
     MAX_INITIAL_LOG_ROWS,
@@ -98,13 +99,16 @@ class Run:
         if scene.pendulum > 0.0 and disturbed == "ignore":
             raise ValueError("`disturbed` must be 'resolve' or 'stop' for pendula, got 'ignore'. Setting pendula that "
                              "touch early back to gap 0 would change their energy.")
+        # energies need other machine code, which is compiled only if that saves time
+        engine = "auto" if request.energies and engine == "compiled" else engine
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.start = request.start if state is None else float(state["origin"])  # s, origin of its own times
         self.closing = WallMeeting(scene, self.start, flattened=True) if scene.driven else None
         self.bound, self.seen, self.now = False, 0.0, 0.0  # s, times of the last sample and of the run
         limits = {"max_events": request.max_events, "max_steps": request.max_steps,
                   "until_pair": UNTIL_ANY_EVENT if request.singly else -1}
-        codes, level = [DISTURBED_OPTIONS.index(disturbed)], PEAKS if request.rows else NO_LOG
+        codes, level = [DISTURBED_OPTIONS.index(disturbed)], (
+            ENERGIES if request.energies else PEAKS if request.rows else NO_LOG)
         s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=codes[0], log_level=level, **limits)
         self.collocation = None
         if s.kinds["kind"][0] == GENERAL:  # imported only for general laws
@@ -117,7 +121,8 @@ class Run:
             s = restored_records(s, state)
             codes.append(int(np.asarray(state["run"])["disturbing"][0]))
         self.s: Any = s
-        self.special = {flag: True for flag in scene._flags if flag != "DRIVEN" or s.field is not None}  # a wall moves
+        flags = [*scene._flags, "METERED"][: None if request.energies else -1]
+        self.special = {flag: True for flag in flags if flag != "DRIVEN" or s.field is not None}  # a wall moves
         self.adds_up = IGNORE not in codes
         self.pace = Pace(self)
         if engine == "auto":

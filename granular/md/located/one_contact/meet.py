@@ -28,7 +28,7 @@ import math
 from typing import Any
 
 from granular._engine.flight import hung_after, swing_after
-from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
+from granular._engine.kernels import DRIVEN, HEATED, HUNG, METERED, RING, WORKED, kernel
 from granular._engine.records import leaf, update_tournament
 from granular.md.located.contacts import NOT_ISOLATED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
@@ -42,6 +42,7 @@ from granular.md.located.records import (
     BEGIN,
     BY_PIECES,
     DONE,
+    ENERGIES,
     IGNORE,
     NO_LOG,
     OPEN,
@@ -111,7 +112,7 @@ def solve_as_one_event(s: Any, c: int) -> int:
         return BY_PIECES
     if source >= 0:
         run.error += s.tables[source].error
-    advance_to_onset(s, c, v, t1, v1, source)
+    advance_to_onset(s, c, v, t1, v1, v2, source)
     count_contact(run, pair, isolated, c if below > 0.0 and certain_below else lower, t2)
     set_pair_asymptote(s, c, v, t2, v2, moment, source)
     set_velocity(s.bodies[c], pair, lower_v)
@@ -185,7 +186,7 @@ def flank_above(
 
 
 @kernel
-def advance_to_onset(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
+def advance_to_onset(s: Any, c: int, v: float, t1: float, v1: float, v2: float, source: int) -> None:
     """Advance the clocks of the run and of pair `c` to the onset, and log the contact.
 
     The parameters are explained in `contact_map`.
@@ -196,7 +197,7 @@ def advance_to_onset(s: Any, c: int, v: float, t1: float, v1: float, source: int
     if run.log_level != NO_LOG:
         if DRIVEN:
             update_walls(s.field, s)
-        write_log_row(s, c, v, t1, v1, source)
+        write_log_row(s, c, v, t1, v1, v2, source)
 
 
 @kernel
@@ -333,7 +334,7 @@ def final_flank_gap(
 
 
 @kernel
-def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
+def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, v2: float, source: int) -> None:
     """Write the log row of the contact of pair `c` at its onset.
 
     The parameters are explained in `contact_map`. The row is deleted if an island takes over the contact.
@@ -361,6 +362,9 @@ def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
             row.upper_out = row.lower_in + v1
         else:
             row.lower_out = row.upper_in - v1
+    elif METERED and run.log_level == ENERGIES:
+        # v2 instead of v1, because the force is 0 from t1 to t2
+        row.force_max = 0.5 * (v - v2) * (v + v2) / inverse if source != INTEGRATED else s.answer[5]
     elif run.log_level == PEAKS:
         law = s.kinds[pair.kind_of]
         if HUNG:

@@ -78,7 +78,8 @@ def request_contact(s: Any, j: int, laws: Any) -> None:
         # the mantissa of an octave is in [0.5, 1)
         v = math.ldexp(0.75 + 0.25 * octave_point(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log_level
-    run.speed, run.log_level, run.error = v, PEAKS, 0.0
+    # a table contains peaks, also in a run that logs energies
+    run.speed, run.log_level, run.error = v, PEAKS if j != OWN_SPEED else max(PEAKS, run.log_level), 0.0
     member = occupy_record(s, c, v)
     advance_clock(member, pair.wait)
     request_integration(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
