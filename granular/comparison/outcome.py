@@ -264,10 +264,13 @@ def energy_left(run: Trajectory) -> float:
 def strengths(run: Trajectory) -> Array:
     """Strength in m/s of each contact in the log, (m,).
 
-    It is the larger of the approach speed and of impulse / m_eff. Balls that touch at rest have no approach speed.
+    It is the larger of the approach speed and of impulse / m_eff. Balls that touch at rest have no approach speed. It
+    is 0 for a contact that ended without any force, as at the onset of a law whose pull is cut to 0.
     """
     log = run.contacts
-    return np.asarray(np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]]))
+    strength = np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]])
+    strength[(log["impulse"] == 0.0) & ~np.isnan(log["t_end"])] = 0.0
+    return np.asarray(strength)
 
 
 @_once_per_run

@@ -265,3 +265,22 @@ def test_apex_of_the_last_flight_is_that_of_the_continued_run(monkeypatch):
             assert rises == pytest.approx(further.rises(report), rel=1e-12, nan_ok=True)
         used += sum(known)
     assert used >= 4
+
+
+@pytest.mark.parametrize("power", [1.0, 1.5])
+def test_a_pull_that_is_cut_to_zero_is_no_contact_of_its_own(power):
+    """Where the force begins below zero, an engine may log a contact without any force before the one that repels."""
+    rng, without_force = np.random.default_rng(7), 0
+    for _ in range(12):
+        pull, k, mass = 10.0 ** rng.uniform(-13.0, -4.0), 10.0 ** rng.uniform(3.0, 6.0), rng.uniform(0.01, 1.0, 2)
+
+        class Sticky:
+            def force(self, xi, xi_dot, pair, k=k, pull=pull):
+                return k * xi**power - pull
+
+        scene = gr.Scene(mass, [0.001] * 2, [1e-3], [1.0, 0.0])
+        report = gr.compare(scene, Sticky(), engine="plain")
+        without_force += int((report.soft.contacts["impulse"] == 0.0).sum())
+        assert report.answer is gr.Answer.yes, report.verdict
+        assert (report.pairs[0].hard_contacts, report.pairs[0].soft_contacts) == (1, 1)
+    assert without_force > 0 or power > 1.0  # at the start of F = k ξ^1.5 the engine steps over the pull
