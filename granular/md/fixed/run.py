@@ -15,7 +15,7 @@ import numpy as np
 
 from granular._engine.kernels import CompilationCost, have_numba
 from granular._engine.records import record_array
-from granular.laws.kinds import SceneLaws
+from granular.laws.kinds import SceneLaws, number_distinct_rows
 from granular.md.fixed.contact_force import CompiledForce, NotCompilableError, reevaluate_laws
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.march import CROWDED, UNTIL
@@ -438,8 +438,9 @@ class Run:
             return 0.0
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
-        kind, each = self.stepper.laws.in_pairs
-        stored = (each[kind[c]].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
+        (kind, each), begun = self.stepper.laws.in_pairs, np.flatnonzero(scene.gap < 0.0)
+        number, first = number_distinct_rows(kind[begun], scene.gap[begun]) if len(begun) else (begun, begun)
+        stored = np.array([each[kind[c]].energy(-float(scene.gap[c])) for c in begun[first].tolist()])[number].tolist()
         fallen = max(0.0, (m * scene.fall[balls]) @ (x - scene.position[balls])) if scene.pendulum == 0.0 else (
             0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2))
         supply = 0.5 * m @ v0**2 + sum(stored) + fallen

@@ -182,10 +182,11 @@ class Stepper:
         physics, x, a = self.physics, self.here, self.work.window
         xi, raw, v = x[XI], x[window.RAW], x[V]
         # pair c has index c + 1 in the rows, and its bodies c + 1 and c + 2; the kernel reads index 1 of k and gamma
+        force, logged, ks, gammas = self.force, physics.logged, physics.given[window.K], physics.given[window.GAMMA]
         for c in np.flatnonzero(self.scene.gap < 0.0).tolist():
-            a.k[1], a.gamma[1] = physics.given[window.K][c + 1], physics.given[window.GAMMA][c + 1]
-            raw[c + 1] = self.force(physics, c, 0, float(xi[c + 1]), float(v[c + 1] - v[c + 2]), a)
-            if physics.logged:
+            a.k[1], a.gamma[1] = ks[c + 1], gammas[c + 1]
+            raw[c + 1] = force(physics, c, 0, float(xi[c + 1]), float(v[c + 1] - v[c + 2]), a)
+            if logged:
                 log_contacts(c, c + 1, 0, 0, physics, self.there, x, self.work)
                 # no time has passed since the onset at the start of the run
                 x[window.IMPULSE][c + 1] = 0.0
