@@ -73,7 +73,7 @@ def _rate_bounds(scene: Scene, slope: Array, beside: Any) -> Array:
 
 
 def _can_be_highest(scene: Scene, laws: SceneLaws, overlap: Array, beside: Any) -> Any:
-    """Whether each pair of a large scene can have the highest rate, or a neighbour, (p,).
+    """Whether each pair, or a neighbour, can have the highest rate, (p,).
 
     For laws F = k ξ^p + γ ξ^d ξ̇, the closed forms k p ξ^(p-1) and γ ξ^d of the slopes agree with their differences
     within a relative 1e-6 p. All pairs of small scenes, and of scenes with other laws, are kept.

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from enum import Enum
-from functools import partial
 from os import PathLike
 from typing import Any, NamedTuple, Protocol
 
@@ -166,7 +165,7 @@ def solve_soft_spheres(solve: Callable[[Request], Trajectory], request: Request)
     """
     run = solve_with_sample_times(solve, request)
     if isinstance(run, Trajectory):
-        vars(run)["again"] = partial(solve, request._replace(
+        vars(run)["again"] = lambda: solve(request._replace(
             samples=None, log=True, stream=None, on_event=None, progress_report=nullcontext(), energies=True))
     return run
 
