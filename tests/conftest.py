@@ -24,6 +24,7 @@ MAKERS = ("edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located
           "fixed/test_engines")
 """Files that have machine code made for nearly all that others need."""
 TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "comparison/test_episodes",
+          "comparison/test_figure", "comparison/test_driven_compare", "comparison/test_costs",
           "studies/test_sweeps", "studies/test_sweeps_cases", "studies/test_sweeps_saved", "studies/test_sweeps_ways")
 """Files that need much of it: the other worker must not come to them while it is being made."""
 PATIENCE = {

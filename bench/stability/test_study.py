@@ -34,28 +34,32 @@ def quick() -> StabilityReport:
     return stability(quick=True)
 
 
-@pytest.mark.thirds
+@pytest.mark.soak
 def test_quick_study_of_every_axis_and_method(quick: StabilityReport) -> None:
     assert set(quick.methods) == set(ALL_METHODS)
     assert set(AXES) <= set(quick.axes)
     assert len(quick.cells) > 150
 
 
+@pytest.mark.soak
 def test_default_methods_are_never_silently_wrong(quick: StabilityReport) -> None:
     for method in ("located", "edmd"):
         wrong = [(c.axis, c.case, c.error) for c in quick.of(Verdict.wrong, method=method)]
         assert wrong == []
 
 
+@pytest.mark.soak
 def test_verdicts_are_those_of_the_docs(quick: StabilityReport) -> None:
     stored = json.loads((docs_data.DATA_FOLDER / "stability.json").read_text("utf-8"))
     assert sorted(docs_data.verdicts(quick)) == sorted(stored), "stale: python bench/docs_data.py stability"
 
 
+@pytest.mark.soak
 def test_every_flag_says_why(quick: StabilityReport) -> None:
     assert all(len(cell.said) > 20 for cell in quick.of(Verdict.flagged))
 
 
+@pytest.mark.soak
 def test_tables_count_every_cell(quick: StabilityReport) -> None:
     rows = quick.tables()["cells"][1:]
     assert sum(int(row[1]) for row in rows) == len(quick.cells)
@@ -64,6 +68,7 @@ def test_tables_count_every_cell(quick: StabilityReport) -> None:
     assert quick.markdown().startswith("**cells**\n\n| method |")
 
 
+@pytest.mark.soak
 def test_json_has_every_cell_and_where_it_was_made(quick: StabilityReport, tmp_path) -> None:
     path = tmp_path / "table.json"
     quick.to_json(path)
