@@ -11,9 +11,9 @@ import numpy as np
 from granular._engine import check
 
 BOUND = 1e-3
-"""Distance from a bound in units of the range, below which it can be reached."""
+"""Distance from a bound, in units of the range, below which it can be reached."""
 FLAT = 1e-6
-"""Smallest singular value that differs from rounding."""
+"""Smallest singular value that is not due to rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,19 +23,21 @@ class Calibration:
     Attributes
     ----------
     value, error : dict of str to float
-        Best value and standard error of each parameter. The error is inf if the data do not determine the parameter,
-        or if it is at a bound.
+        Best value and standard error of each parameter, in the unit of the parameter. The error is inf if the data do
+        not determine the parameter, or if the parameter is at a bound.
     covariance : (p, p) array
-        Covariance of the parameters. A combination that the data do not determine, or a parameter at a bound, has the
+        Covariance of the p parameters. A combination that the data do not determine, or a parameter at a bound, has the
         width of its range as its standard error.
     residuals : (N,) array
-        Data minus model.
-    chi2, dof, probability : float, int, float
-        χ², the degrees of freedom, and the probability of at least this χ² if the model and `sigma` are right.
-        `probability` is nan without degrees of freedom. They are the number of data minus the number of combinations of
-        parameters that the data determine.
+        Data minus model, in the unit of the data.
+    chi2 : float
+        χ² of the best fit.
+    dof : int
+        Degrees of freedom: the number of data minus the number of combinations of parameters that the data determine.
+    probability : float
+        Probability of at least this χ² if the model and `sigma` are right. nan if `dof` is not positive.
     at_bound, undetermined : tuple of str
-        Parameters at a bound of their range, and parameters whose error exceeds their range.
+        Parameters at a bound of their range, and other parameters whose standard error exceeds their range.
     """
 
     value: dict[str, float]
@@ -63,33 +65,36 @@ class Calibration:
 def calibrate(
     model: Callable[..., Any], data: Any, parameters: Mapping[str, tuple[float, float, float]], *, sigma: Any
 ) -> Calibration:
-    """Fit a model to measurements, and test whether the model is wrong.
+    """Fit a model to measurements, and test the model.
 
-    The parameters minimize χ² = rᵀ C⁻¹ r, where r are the data minus the model and C is the covariance of the data. If
-    the model is right and r depends nearly linearly on the parameters, χ² follows its distribution.
+    The parameters minimize χ² = rᵀ C⁻¹ r, where r are the data minus the model, and C is the covariance matrix of the
+    data. If the model is right and r depends nearly linearly on the parameters, the minimum has a χ² distribution.
 
     Parameters
     ----------
     model : callable
-        Function of the parameters, by name, that returns an array like `data`. It can run an engine.
+        Function that is called with the parameters as keyword arguments and returns an array like `data`. It can run an
+        engine.
     data : (N,) array
         Measurements, such as times of bounces, intervals, heights or positions.
     parameters : mapping of str to (float, float, float)
         Lower bound, start value and upper bound of each parameter. A combination of parameters whose standard error
         exceeds the range between the bounds counts as undetermined.
     sigma : float, (N,) array or (N, N) array
-        Standard error of the data, one per datum, or their covariance matrix. Intervals between times share times, so
-        neighbours are correlated: with ``d = numpy.diff(numpy.eye(N + 1), axis=0)`` their matrix is
-        ``sigma_t**2 * d @ d.T``.
+        Standard error of all data, one standard error per datum, or the covariance matrix of the data. Neighbouring
+        intervals share a time, so their errors are correlated: with ``d = numpy.diff(numpy.eye(N + 1), axis=0)`` the
+        covariance matrix of N intervals is ``sigma_t**2 * d @ d.T``.
 
     Returns
     -------
     Calibration
+        Best values, standard errors and the test. It prints as a table.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, the model does not return N finite numbers, or the fit does not converge.
+        If an argument is invalid, the covariance matrix is not symmetric and positive definite, the model does not
+        return N finite numbers, or the fit does not converge.
 
     Examples
     --------
@@ -109,11 +114,14 @@ def calibrate(
                                    fix="Give a lower bound, a start value and an upper bound for each.").T
     check.every("parameters", start, (low <= start) & (start <= high) & (low < high), "between its bounds")
     errors = check.array("sigma", sigma, (len(y),) * np.ndim(sigma), finite="a finite number")
-    width, root = high - low, np.linalg.cholesky(
-        errors if errors.ndim == 2 else np.diag(check.positive("sigma", np.full(len(y), errors), "error") ** 2))
+    matrix = errors if errors.ndim == 2 else np.diag(check.positive("sigma", np.full(len(y), errors), "error") ** 2)
+    # not Cholesky's method alone: it ignores the upper half of the matrix
+    check.raise_if_true({"`sigma` must be a symmetric positive definite matrix, if it is a matrix.": not (
+        np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0) and np.linalg.eigvalsh(matrix)[0] > 0.0)})
+    width, root = high - low, np.linalg.cholesky(matrix)
 
     def residuals(fraction: check.Array) -> Any:
-        """Return data minus model, for parameters as fractions of their ranges."""
+        """Return data minus model; parameters are fractions of their ranges."""
         given = dict(zip(names, (low + fraction * width).tolist(), strict=True))
         return y - check.array(f"the result of the model at {given}", model(**given), y.shape, finite="a finite number")
 
@@ -121,10 +129,10 @@ def calibrate(
         lambda u: linalg.solve_triangular(root, residuals(u), lower=True), (start - low) / width, bounds=(0.0, 1.0),
         x_scale="jac")
     check.raise_if_true({"The fit does not converge. Start closer to the solution.": not best.success})
-    # at a bound, χ² would have its minimum over one parameter alone outside of the range
+    # a parameter is at a bound only if the minimum of χ² over this parameter alone is outside the range
     free = (np.abs(best.x - np.round(best.x)) > BOUND) | (
         np.abs(best.x - best.grad / np.maximum((best.jac**2).sum(axis=0), FLAT**2) - 0.5) < 0.5)
-    # the added rows complete the directions if there are fewer data than parameters
+    # rows of zeros make the directions complete if there are fewer data than parameters
     singular, directions = np.linalg.svd(np.vstack([best.jac * free, np.diag(0.0 * width)]), full_matrices=False)[1:]
     error = np.sqrt(((directions.T / np.maximum(singular, FLAT)) ** 2).sum(axis=1))
     dof, unknown = len(y) - int((singular >= 1.0).sum()), error >= 1.0

@@ -41,7 +41,7 @@ def test_sigma_can_be_one_number_one_per_datum_or_a_matrix():
     assert one.error["slope"] == pytest.approx(0.1 / math.sqrt(((X - 0.5) ** 2).sum()), rel=1e-5)
 
 
-def test_intervals_with_their_covariance_say_what_times_with_an_unknown_clock_say():
+def test_intervals_with_their_covariance_agree_with_times_on_an_unknown_clock():
     rng, d = np.random.default_rng(2), np.diff(np.eye(9), axis=0)
     assert d @ d.T == pytest.approx(covariance_of_intervals(8, 1.0))
     times = np.cumsum(0.5 * 0.8 ** np.arange(9)) + rng.normal(0.0, 1e-3, 9)
@@ -69,7 +69,7 @@ def test_a_parameter_without_influence_is_named_and_costs_no_degree_of_freedom()
     assert "k            5 not determined by the data" in str(idle)
 
 
-def test_of_two_parameters_that_act_as_one_only_the_combination_is_counted():
+def test_only_the_combination_of_two_degenerate_parameters_is_counted():
     data = line(1.0, 2.0) + 0.01 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     found = gr.calibrate(lambda offset, slope, more: line(offset, slope + more), data,
                          LINE | {"more": (-9.0, 0.0, 9.0)}, sigma=0.01)
@@ -98,7 +98,7 @@ def test_fewer_data_than_parameters_cannot_test_a_model():
     assert str(found).endswith("The data cannot test the model.")
 
 
-def test_the_verdict_says_that_a_law_is_wrong():
+def test_the_verdict_states_that_a_law_is_wrong():
     wrong = gr.calibrate(lambda e: np.full(6, e), line(1.0, 2.0), {"e": (0.0, 1.0, 9.0)}, sigma=0.1)
     assert wrong.probability < 1e-9
     assert str(wrong).endswith("The model is wrong (5 % level), or the data have larger errors than stated.")
@@ -116,14 +116,15 @@ WRONG = [
     ({"parameters": {"e": (1.0, 1.0, 1.0)}}, r"`parameters\[0\]` must be between its bounds, got 1\.0\."),
     ({"sigma": [0.1, 0.1]}, r"`sigma` must be an array of shape \(3,\), got an array of shape \(2,\)\."),
     ({"sigma": 0.0}, r"`sigma\[0\]` must be positive and finite, got 0\.0\."),
-    ({"sigma": np.zeros((3, 3))}, "Matrix is not positive definite"),
+    ({"sigma": np.zeros((3, 3))}, "^`sigma` must be a symmetric positive definite matrix"),
+    ({"sigma": np.tri(3)}, "^`sigma` must be a symmetric positive definite matrix"),
     ({"model": lambda e: [e]}, r"The result of the model at {'e': 0\.5} must be an array of shape \(3,\), got"),
     ({"model": lambda e: np.full(3, np.nan)}, r"The result of the model at {'e': 0\.5}.* must be a finite number"),
 ]
 
 
 @pytest.mark.parametrize(("given", "sentence"), WRONG)
-def test_what_cannot_be_fitted_is_one_sentence(given, sentence):
+def test_invalid_fits_are_refused_in_one_sentence(given, sentence):
     valid = {"model": lambda e: np.full(3, e), "data": [0.4, 0.5, 0.6], "parameters": {"e": (0.0, 0.5, 1.0)},
              "sigma": 0.1}
     with pytest.raises((TypeError, ValueError), match=sentence):
@@ -131,7 +132,7 @@ def test_what_cannot_be_fitted_is_one_sentence(given, sentence):
 
 
 def right_laws(kind, count, seed):
-    """Pulls of ε, and χ² with its probability and degrees of freedom, for recordings of a constant ε."""
+    """Pulls of ε, χ², its probability and degrees of freedom, for recordings of a constant ε."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         e = rng.uniform(0.6, 0.9)
@@ -141,7 +142,7 @@ def right_laws(kind, count, seed):
 
 
 def wrong_laws(kind, count, seed):
-    """Whether a constant ε is rejected, for recordings of an ε(v) whose misfit is large enough to be seen."""
+    """Whether a constant ε is rejected, for recordings of an ε(v) with a misfit that is large enough to be detected."""
     rng = np.random.default_rng(seed)
     while count:
         e, slope = rng.uniform(0.7, 0.9), 10.0 ** rng.uniform(-2.5, -1.2)
