@@ -17,31 +17,32 @@ from granular._engine.check import Array, must
 from granular._engine.files import checked_source, plain_text
 
 TRACKER_COLUMNS, PAIR_COLUMNS = "id1 id2 created broken r_min", "id1 id2 distance force"
-"""Columns of both kinds of LAMMPS files if no others are named."""
+"""Default columns of both kinds of LAMMPS files."""
 LIST_COLUMNS, SNAPSHOT_COLUMNS = "i j begin end impulse overlap distance", "time i j force overlap distance"
 """Columns of both kinds of CSV files."""
 WALLS_NOTE = "Contacts with walls are not in the file."
-TWICE_NOTE = "Contacts across a boundary are listed twice, and count once."
-ENDED_NOTE = ("Contacts that had not ended are missing in the file, in a heap at rest almost all. Compare Z with a "
-              "dump of pair/local.")
-SPACING_NOTE = ("Snapshots too far apart: a contact is seen in {:.3g} of them, so only Z, B and the shared impulse are "
-                "right.")
+TWICE_NOTE = "Contacts across a boundary are listed twice and counted once."
+ENDED_NOTE = ("Contacts that had not ended are missing in the file. In a heap at rest these are almost all contacts. "
+              "Compare Z with its value from a dump of pair/local.")
+SPACING_NOTE = ("Snapshots too far apart: on average, a contact is seen in {:.3g} of them. Only Z, B and the shared "
+                "impulse are right.")
 FORMAT_FIX = "Use `dump_modify ID format float %.15g`, and name the columns in their order."
 LEAST_SIGHTINGS = 2.0
-"""Mean number of snapshots of a contact from which on durations are resolved."""
+"""Minimum mean number of snapshots per contact that resolves durations."""
 LEAST_ROWS_TO_JUDGE = 20
-"""Least number of contacts of a snapshot from which on a loss is noticed."""
+"""Minimum number of contacts of a snapshot for a test of lost contacts."""
 
 
 @check.face
 def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike | None = None,
               overlap: ArrayLike | None = None, distance: ArrayLike | None = None, frames: ArrayLike | None = None
               ) -> dict[str, Any]:
-    """Combine the contacts of several snapshots to contacts with begin and end.
+    """Combine the contacts of several snapshots into contacts with begin and end.
 
-    A pair that touches in consecutive snapshots has one contact, which begins and ends between snapshots. Z, overlap
-    and shared impulse are right on average for any time between snapshots. Durations and disturbed contacts require
-    snapshots closer than half a contact duration.
+    A pair that touches in consecutive snapshots has one contact. Its begin and end are midpoints between snapshots. The
+    impulse is the sum of force times the time that a snapshot represents. Z, overlap and shared impulse are right on
+    average for any time between snapshots. Durations and disturbed contacts require snapshots closer than half a
+    contact duration.
 
     Parameters
     ----------
@@ -50,21 +51,22 @@ def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike |
     i, j : (n,) array of int
         Numbers of the two particles.
     force, overlap : (n,) array, optional
-        Force in N and overlap in m at this time.
+        Force in N and overlap in m at the time of the snapshot.
     distance : float or (n,) array, optional
         R₁ + R₂ in m.
     frames : array, optional
-        Times in s of all snapshots, also of those without a contact. Defaults to the times in `time`.
+        Times in s of all snapshots, including snapshots without a contact. Defaults to the times in `time`.
 
     Returns
     -------
     dict
-        Arguments of `granular.contacts.analyse`. The largest overlap is π/2 times the mean overlap, as for a half sine.
+        Arguments of `granular.contacts.analyse`. The largest overlap of a contact is π/2 times its mean overlap, as for
+        a half sine.
 
     Raises
     ------
     TypeError, ValueError
-        For invalid arguments, and if a pair occurs twice in a snapshot.
+        If an argument is invalid, or if a pair occurs twice in a snapshot.
 
     Examples
     --------
@@ -83,7 +85,7 @@ def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike |
     order = np.lexsort((frame, high, low))
     later = np.where((np.diff(low[order]) == 0) & (np.diff(high[order]) == 0), np.diff(frame[order]), -1)
     if (later == 0).any():
-        raise ValueError("A pair must occur once in a snapshot, got one twice. List each contact once.")
+        raise ValueError("A pair must occur at most once in a snapshot, got a pair twice. List each contact once.")
     start = np.flatnonzero(np.concatenate([[1] * min(len(clock), 1), later != 1]))
     row, n_seen = order[start], np.diff(start, append=len(clock))
     found = {"i": low[row], "j": high[row], "begin": edge[frame[row]], "end": edge[frame[row] + n_seen],
@@ -115,7 +117,7 @@ def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = Non
     time_step : float
         Time step in s. LAMMPS writes times as numbers of steps.
     diameter : float or array, optional
-        Diameter in m of all particles, or of each particle from number 1 on. Overlaps are computed only with it.
+        Diameter in m of all particles, or one per particle from number 1 on. Overlaps are only computed if it is given.
     columns : str, optional
         Names of all columns. Defaults to "id1 id2 created broken r_min" (tracker) and "id1 id2 distance force" (pairs).
         Columns with other names are ignored.
@@ -123,12 +125,13 @@ def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = Non
     Returns
     -------
     dict
-        Arguments of `granular.contacts.analyse`. Its notes state which contacts are missing in the file.
+        Arguments of `granular.contacts.analyse`. Its "notes" state which contacts are missing in the file.
 
     Raises
     ------
     OSError, TypeError, ValueError
-        If the file cannot be read, is of another kind, or has numbers that cannot be particles or steps.
+        If the file cannot be read, is of another kind, contains no contacts, or has numbers that cannot be particles or
+        steps.
     """
     step, name = check.number("time_step", time_step, above=0.0), checked_source("path", path)
     with (gzip.open if name.endswith(".gz") else open)(name, "rt", encoding="utf-8", errors="replace") as file:
@@ -193,11 +196,11 @@ def _tracked(rows: Any, frame: Any, steps: Any, step: float, length: Array | Non
                               "others", FORMAT_FIX))
     there, start, count = np.unique(frame, return_index=True, return_counts=True)
     before = steps[np.maximum(there - 1, 0)]
-    # without a loss some contacts end soon after the snapshot before
+    # without a loss, some contacts end soon after the previous snapshot
     silent = np.minimum.reduceat(broken, start) - before > 0.25 * (steps[there] - before)
     if (silent & (there > 0) & (count >= LEAST_ROWS_TO_JUDGE)).any():
-        raise ValueError("Tracker and dump must have the same interval N, got no contacts in the first part of an "
-                         "interval of the dump.")
+        raise ValueError("Tracker and dump must have the same interval N, got no contact that ended in the first part "
+                         "of an interval of the dump.")
     low, high = np.sort([rows["id1"], rows["id2"]], axis=0)
     order = np.lexsort((broken, created, high, low))
     again = np.all([np.diff(values[order]) == 0 for values in (low, high, created, broken)], axis=0)
@@ -215,7 +218,7 @@ def _tracked(rows: Any, frame: Any, steps: Any, step: float, length: Array | Non
 def _pairs(rows: Any, frame: Any, steps: Any, step: float, length: Array | None) -> dict[str, Any]:
     """Return the arguments of `analyse` for rows of pairs.
 
-    Pairs that do not touch are left out.
+    Pairs that do not touch are ignored.
     """
     names = rows.dtype.names
     force = rows["force"] if "force" in names else np.ones(len(rows))
@@ -234,12 +237,12 @@ def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, A
     Parameters
     ----------
     path : path
-        File with the names of the columns in its first line: i, j, begin, end and optionally impulse, overlap and
-        distance, as in `granular.contacts.analyse`. An empty end belongs to a contact that lasts. A file with a column
-        time has the columns of `granular.contacts.snapshots`: time, i, j, and optionally force, overlap and distance.
-        Other columns are ignored.
+        File with the names of the columns in its first line: i, j, begin, end, and optionally impulse, overlap and
+        distance, as in `granular.contacts.analyse`. An empty end means that the contact lasts until the end of the run.
+        A file with a column time contains snapshots, with the columns of `granular.contacts.snapshots`: time, i, j, and
+        optionally force, overlap and distance. Other columns are ignored.
     columns : mapping of str to str, optional
-        Names of columns in the file, such as {"i": "particle 1"}. By default they are those above.
+        Name of the column in the file for each parameter, such as {"i": "particle 1"}. Defaults to the names above.
 
     Returns
     -------
@@ -249,7 +252,7 @@ def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, A
     Raises
     ------
     OSError, TypeError, ValueError
-        If the file cannot be read, a column is missing, or an entry is not a number.
+        If the file cannot be read, a column is missing, an entry is not a number, or snapshots are invalid.
     """
     name = checked_source("path", path)
     named = dict(check.of_kind("columns", {} if columns is None else columns, Mapping, "a mapping"))

@@ -1,7 +1,7 @@
 """Contacts of many particles that overlap in time: clusters and unshared impulse.
 
-All functions take contacts in the order of their onsets. A side is one of the two particles of a contact. The cost is
-that of a few sorts.
+All functions take contacts in the order of their onsets. A side is one of the two particles of a contact. The run time
+is dominated by a few sorts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def sides(bodies: Ints, end: Array, at_wall: Bools) -> tuple[Ints, Ints, Bools, 
     is_first : array of bool
         Whether the side is the first of its particle.
     latest : array of int
-        Contact with the latest end among the earlier ones of the particle. The value is arbitrary where `is_first`.
+        Contact with the latest end among the earlier contacts of the particle. Arbitrary where `is_first` is true.
     """
     n, particle, rank = len(end), bodies.copy(), np.empty(len(end), np.int64)
     particle[at_wall] = bodies.max() + 1 + np.arange(at_wall.sum())
@@ -53,9 +53,9 @@ def sides(bodies: Ints, end: Array, at_wall: Bools) -> tuple[Ints, Ints, Bools, 
 
 
 def clusters(n: int, first: Ints, second: Ints) -> Ints:
-    """Return the smallest contact of the cluster of each of `n` contacts.
+    """Return the smallest contact number in the cluster of each of `n` contacts.
 
-    `first` and `second` are the contacts of each link.
+    `first` and `second` are the two contacts of each link.
     """
     label = np.arange(n)
     while len(first):
@@ -74,16 +74,16 @@ def stretches(group: Ints, start: Ints, stop: Ints, active: int, n: int) -> tupl
     Parameters
     ----------
     group, start, stop : array of int
-        Group of each interval, and the events at which it starts and stops, below `n`.
+        Group of each interval, and the numbers of the events at which it starts and stops, all below `n`.
 
     Returns
     -------
     is_start, group, event : array
-        Starts and stops in order of group and event.
+        Starts and stops, sorted by group and event.
     at : array of int
-        Where `active` intervals overlap, up to the next start or stop.
+        Indices of starts and stops after which `active` intervals overlap, up to the next start or stop.
     """
-    # one sort of integers for group, event, and stop before start
+    # one integer key sorts by group, then event, with stops before starts
     key = np.sort(np.concatenate([(group * n + stop) * 2, (group * n + start) * 2 + 1]))
     is_start, (owner, event) = key % 2 == 1, np.divmod(key // 2, n)
     return is_start, owner, event, np.flatnonzero(np.cumsum(2 * is_start - 1)[:-1] == active)
@@ -92,7 +92,8 @@ def stretches(group: Ints, start: Ints, stop: Ints, active: int, n: int) -> tupl
 def unshared_impulse(begin: Array, end: Array, impulse: Array, particle: Ints, contact: Ints) -> float:
     """Return the impulse that is exchanged while neither particle has another contact.
 
-    The force of a contact is assumed to be a half sine. `particle` and `contact` are those of each side.
+    The force of a contact is assumed to be a half sine. `particle` and `contact` are the particle and the contact of
+    each side. Times are in s, impulses in N s.
     """
     n, rank = 2 * len(begin), np.empty(2 * len(begin), np.int64)
     # events are all ends and begins in order; ends precede begins at the same time
@@ -101,7 +102,7 @@ def unshared_impulse(begin: Array, end: Array, impulse: Array, particle: Ints, c
     rank[order] = np.arange(n)
     last, first = np.split(rank, 2)
     is_start, _, event, at = stretches(particle, first[contact], last[contact], 1, n)
-    # the sum of the contacts that have begun and not ended is the contact of a particle with one contact
+    # sum of the numbers of current contacts: with exactly one contact, it is the number of this contact
     owner = np.cumsum(np.where(is_start, 1, -1) * (order % max(n // 2, 1))[event])[at]
     _, owner, event, at = stretches(owner, event[at], event[at + 1], 2, n)
     owner, width = owner[at], np.pi / (end - begin)[owner[at]]

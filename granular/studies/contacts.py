@@ -1,9 +1,10 @@
 """Contact lists of runs in three dimensions, and deviation from hard spheres.
 
-A contact of a soft run acts like a collision of hard spheres if it is short and undisturbed. For gases two numbers
-estimate the error of means: s = π⟨ξ_max⟩/(R₁ + R₂) and Z, the mean number of contacts of a particle. Cooling rate,
-energy, collisional pressure and number of collisions differ by at most about B = s + Z/2. The estimate is calibrated
-on homogeneous gases of frictionless spheres without cohesion. It is not certified, unlike a `granular.Answer`.
+A contact of a soft run acts like a collision of hard spheres if it is short and undisturbed. For gases, two numbers
+estimate the relative error of means: s = π⟨ξ_max⟩/(R₁ + R₂), with the largest overlap ξ_max of each contact, and Z, the
+mean number of contacts of a particle. Cooling rate, energy loss, collisional pressure and number of collisions differ
+by at most about B = s + Z/2. The estimate is calibrated on homogeneous gases of frictionless spheres without cohesion.
+It is not certified, unlike a `granular.Answer`.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ MAX_DEVIATION = 0.01
 GAS_OCCUPATION, GAS_DURATION = 0.5, 1.5
 """Largest Z of a gas, and largest mean duration relative to undisturbed contacts."""
 LARGEST_PARTICLE = 2.0**30
-"""Limit of the numbers of particles, whose products must fit into 64 bits."""
+"""Limit of the particle numbers. The product of two must fit into 64 bits."""
 CALIBRATION = ("B is calibrated on homogeneous gases of frictionless spheres without cohesion, and not certified. "
                "Particles are not compared one by one.")
 
@@ -48,13 +49,13 @@ class Contacts(Report):
     occupation : float
         Z, the mean number of contacts of a particle.
     relative_overlap : float
-        Mean of the largest overlap over the contact distance R₁ + R₂. nan if unknown.
-    disturbed : array of bool
-        Whether another contact of one of the two particles overlaps in time.
+        Mean ratio of largest overlap to R₁ + R₂. nan if unknown.
+    disturbed : (n,) array of bool
+        Whether another contact of one of the two particles overlaps with the contact in time.
     shared_impulse : float
-        Fraction of the impulse exchanged during another contact of one of the particles. The force of a contact is
-        assumed to be a half sine. Without impulses all contacts have the same weight.
-    durations : array
+        Fraction of the impulse that is exchanged during another contact of one of the particles. The force of a contact
+        is assumed to be a half sine. Without impulses, all contacts have the same weight.
+    durations : (n,) array
         Durations of the contacts in s. Contacts without an end last until the end of the run.
     isolated_duration : float
         Median duration in s of undisturbed contacts, t_c. nan without such contacts.
@@ -65,7 +66,7 @@ class Contacts(Report):
     n_open : int
         Number of contacts without an end.
     notes : tuple of str
-        Sentences about contacts that are missing or were left out.
+        Sentences about contacts that are missing or ignored.
     """
 
     particles: int
@@ -87,7 +88,7 @@ class Contacts(Report):
 
     @property
     def deviation(self) -> float:
-        """B = π⟨ξ_max⟩/(R₁ + R₂) + Z/2, about the largest relative error of means.
+        """B = π⟨ξ_max⟩/(R₁ + R₂) + Z/2, the estimated largest relative error of means.
 
         nan if the overlap is unknown.
         """
@@ -95,7 +96,7 @@ class Contacts(Report):
 
     @property
     def relative_duration(self) -> float:
-        """Mean duration over that of undisturbed contacts, nan without such contacts."""
+        """Mean duration over `isolated_duration`, nan without undisturbed contacts."""
         return float(self.durations.mean()) / (self.isolated_duration or math.nan)
 
     @property
@@ -104,8 +105,8 @@ class Contacts(Report):
         if self.occupation > GAS_OCCUPATION or self.relative_duration > GAS_DURATION:
             return "Many contacts last: this is not a gas, and hard spheres cannot replace it."
         if math.isnan(self.deviation):
-            return f"The deviation of means from hard spheres is at least Z/2 = {percent(0.5 * self.occupation)}. "\
-                   "Give the largest overlaps and R₁ + R₂ to estimate all of it."
+            return f"B is at least Z/2 = {percent(0.5 * self.occupation)}. Give the largest overlaps and R₁ + R₂ to "\
+                   "estimate how far means deviate from hard spheres."
         return "Means " + ("agree with hard spheres within" if self.deviation < MAX_DEVIATION else
                            "differ from hard spheres by up to") + f" about {percent(self.deviation)}."
 
@@ -141,27 +142,29 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
     impulse : (n,) array, optional
         Impulse of each contact in N s.
     overlap : (n,) array, optional
-        Largest overlap of each contact in m. It requires `distance`.
+        Largest overlap of each contact in m. It is ignored without `distance`.
     distance : float or (n,) array, optional
         R₁ + R₂ in m.
     particles : int, optional
         Number of particles of the run, without walls. Defaults to the number of particles with a contact.
     span : float or (float, float), optional
-        End, or start and end, of the run in s. Defaults to the first onset and the last end.
+        Start and end of the run in s. A single number is the end of a run that starts at 0. Defaults to the first onset
+        and the last end.
     walls : sequence of int
-        Numbers of bodies in `i` and `j` that are walls. Contacts with one wall do not disturb each other.
+        Numbers of bodies in `i` and `j` that are walls. Contacts with the same wall do not disturb each other. Defaults
+        to none.
     notes : sequence of str
-        Sentences about the list that the report repeats, such as those of `read_lammps`.
+        Sentences about the list that the report repeats, such as the notes of `read_lammps`. Defaults to none.
 
     Returns
     -------
     Contacts
-        Numbers of the run. Printed, they are a paragraph.
+        Numbers of the run. They print as a paragraph.
 
     Raises
     ------
     TypeError, ValueError
-        For invalid arguments, and if two contacts of one pair overlap in time.
+        If an argument is invalid, if a contact is outside `span`, or if two contacts of one pair overlap in time.
 
     Examples
     --------
@@ -192,7 +195,7 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
     durations[order] = stop - onset
     sizes = np.bincount(contact_lists.clusters(len(order), contact[links], latest[links]))
     size, number_of = np.unique(sizes[sizes > 0], return_counts=True)
-    # instantaneous contacts that are disturbed share all of their impulse
+    # disturbed instantaneous contacts share their whole impulse
     swept = disturbed[order] & (stop > onset)
     kept = swept[contact]
     alone = push[~disturbed[order]].sum() + contact_lists.unshared_impulse(

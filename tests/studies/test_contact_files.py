@@ -34,7 +34,7 @@ def test_a_tracker_is_read_in_steps_and_its_gaps_are_stated(tmp_path):
     assert found["span"] == (0.0, 100.0)
     assert found["overlap"] == pytest.approx([0.01, 0.02, 0.03], rel=1e-12)
     report = str(contacts.analyse(**found, particles=10))
-    assert "Contacts that had not ended are missing in the file, in a heap at rest almost all." in report
+    assert "Contacts that had not ended are missing in the file. In a heap at rest these are almost all" in report
     assert "Contacts with walls are not in the file." in report
     assert "twice" not in report
 
@@ -47,12 +47,12 @@ def test_without_an_empty_first_snapshot_the_run_begins_with_the_first_contact(t
 
 
 def test_contacts_across_a_boundary_count_once(tmp_path):
-    """Without Newton's third law between processors, LAMMPS lists them in both orders."""
+    """With `newton off`, LAMMPS lists them in both orders."""
     rows = ["31 1 5 15 0.99", "1 31 5 15 0.99", "1 2 7 17 0.98", "1 31 16 26 0.99"]
     path = dump(tmp_path / "seen", {0: [], 100: rows})
     found = contacts.read_lammps(path, 1.0, diameter=1.0)
     assert [found[name].tolist() for name in ("i", "j", "begin")] == [[1, 1, 1], [31, 2, 31], [5.0, 7.0, 16.0]]
-    assert "Contacts across a boundary are listed twice, and count once." in str(contacts.analyse(**found))
+    assert "Contacts across a boundary are listed twice and counted once." in str(contacts.analyse(**found))
 
 
 def test_diameters_of_particles(tmp_path):
@@ -81,7 +81,7 @@ REFUSED = {  # rows by step, and the sentence
     "times beyond the step": ({0: [], 100: ["1 3 5 150 0.9"]}, "^Columns created and broken must be steps"),
     "end before begin": ({0: [], 100: ["1 3 15 5 0.9"]}, "^Columns created and broken must be steps"),
     "a dump less frequent than the tracker": ({0: [], 100: [f"{k} {k + 1} 5{k % 9} 70 0.9" for k in range(1, 30)]},
-                                              "^Tracker and dump must have the same interval N, got no contacts in "),
+                                              "^Tracker and dump must have the same interval N, got no contact that "),
     "steps that do not increase": ({100: ["1 3 15 50 0.9"], 50: ["1 2 15 40 0.9"]}, r"^`TIMESTEP\[1\]` must be larger"),
     "no contacts": ({0: [], 100: []}, "^`path` must be a dump local of LAMMPS with contacts, got .* without any"),
     "three columns": ({0: [], 100: ["1 3 5"]}, "must be integers with all digits"),
@@ -136,17 +136,17 @@ def test_pairs_that_do_not_touch_are_left_out(tmp_path):
     rows = ["1 2 0.99 10", "2 3 0.98 20", "4 5 1.0 0", "5 6 1.01 3", "7 8 0.97 -5"]
     found = contacts.read_lammps(dump(tmp_path / "pairs", {0: rows, 100: []}, PAIRS), 1.0, diameter=1.0)
     assert list(zip(found["i"], found["j"], strict=True)) == [(1, 2), (2, 3), (7, 8)]
-    assert found["impulse"].tolist() == [1000.0, 2000.0, 0.0]  # forces that attract do not count
+    assert found["impulse"].tolist() == [1000.0, 2000.0, 0.0]  # attractive forces do not count
     assert found["overlap"] == pytest.approx([0.005 * math.pi * x for x in (1, 2, 3)], rel=1e-12)
     report = contacts.analyse(**found, particles=10)
     assert report.occupation == pytest.approx(6 / 10 / 2, rel=1e-12)
     assert report.shared_impulse == pytest.approx(1.0, rel=1e-12)
-    assert "Snapshots too far apart: a contact is seen in 1 of them" in str(report)
+    assert "Snapshots too far apart: on average, a contact is seen in 1 of them" in str(report)
     assert "Contacts with walls are not in the file." in str(report)
 
 
 def half_sines(n, particles, length, seed=1):
-    """Contacts of duration 1 with half sines of force, no two of a pair at once."""
+    """Contacts of duration 1 with half sines of force. Contacts of a pair do not overlap in time."""
     random = np.random.default_rng(seed)
     i = random.integers(0, particles, n)
     j = (i + random.integers(1, particles, n)) % particles
@@ -168,7 +168,7 @@ def seen_at(frames, i, j, begin, height):
 
 
 def test_snapshots_of_any_spacing_have_the_means_of_the_run():
-    """Equal-time means need no resolution; durations, disturbed contacts and the number of contacts do."""
+    """Means over snapshots do not require close snapshots. Durations, disturbed contacts and counts of contacts do."""
     i, j, begin, height = half_sines(6000, 200, 400.0)
     exact = contacts.analyse(i, j, begin, begin + 1.0, impulse=height, overlap=1e-3 * height, distance=1.0,
                              particles=200, span=400.0)
@@ -184,7 +184,7 @@ def test_snapshots_of_any_spacing_have_the_means_of_the_run():
         if spacing < 0.5:
             assert len(found.durations) == len(begin)
             assert found.durations.mean() == pytest.approx(1.0, rel=0.01)
-            # middles of steps hide short meetings: a known bias of about spacing/2
+            # ends at midpoints between snapshots hide short overlaps in time: a known bias of about spacing/2
             assert exact.disturbed_share * (1.0 - spacing) < found.disturbed_share < exact.disturbed_share
 
 
@@ -192,7 +192,7 @@ def test_snapshots_of_any_spacing_have_the_means_of_the_run():
     ({"time": [1.0, 0.0, 2.0]}, r"^`time\[1\]` must be not before the time of the row above, got 0\.0\.$"),
     ({"frames": [0.0, 2.0]}, r"^`time\[1\]` must be one of `frames`, got 1\.0\.$"),
     ({"frames": [0.0, 2.0, 1.0]}, r"^`frames\[2\]` must be larger than the entry before it, got 1\.0\.$"),
-    ({"time": [0.0, 0.0, 2.0], "i": [1, 2, 1], "j": [2, 1, 3]}, "^A pair must occur once in a snapshot, got one twice"),
+    ({"time": [0.0, 0.0, 2.0], "i": [1, 2, 1], "j": [2, 1, 3]}, "^A pair must occur at most once in a snapshot"),
     ({"time": [1.0] * 3}, "^`frames` must be an array of at least 2 entries, got 1"),
     ({"force": [1.0, -1.0, 0.0]}, r"^`force\[1\]` must be a finite number of at least 0, got -1"),
     ({"force": [1.0]}, r"^`force` must be an array of shape \(3,\)"),
@@ -244,8 +244,8 @@ def test_the_command_prints_one_paragraph(granular, tmp_path):
                           "0.00773, B = s + Z/2 = 0.0524.\n24 % of 2660 contacts of 1000 particles are disturbed, ")
     assert json.loads((tmp_path / "found.json").read_text())["deviation"] == pytest.approx(0.0524307, rel=1e-6)
     code, _, err = granular("contacts seen.gz")
-    assert (code, err) == (2, "granular: contacts requires --time-step for a dump of LAMMPS, which has times in ste"
-                                "ps.\n")
+    assert (code, err) == (2, "granular: contacts requires --time-step for a dump of LAMMPS, whose times are "
+                                "numbers of steps.\n")
     (tmp_path / "list.csv").write_text("i,j,begin,end,overlap\n1,2,0,1,0.001\n3,4,0.5,1.5,0.001\n1,3,2,3,0.001\n")
     code, out, _ = granular("contacts list.csv --diameter 1 --particles 100")
     assert (code, out.partition(" Z = ")[0]) == (0, "Means differ from hard spheres by up to about 1.3 %.")

@@ -1,4 +1,4 @@
-"""Contact lists of other programs: numbers of a prototype, a slow second implementation, the package's own runs."""
+"""Contact lists of other programs: values of a prototype, a slow second implementation, and runs of the package."""
 
 import itertools
 import math
@@ -44,7 +44,7 @@ def test_the_file_of_a_tracker_gives_the_numbers_of_the_prototype():
 
 
 def by_pairs_of_contacts(i, j, begin, end, impulse, walls, n_steps=0):
-    """The same numbers from all pairs of contacts: disturbed, shared impulse, free times, sizes of clusters."""
+    """Slow second implementation from all pairs of contacts: disturbed, shared impulse, free times, clusters."""
     n = len(i)
     bodies = [{i[k], j[k]} - set(walls) for k in range(n)]
     meets = np.zeros((n, n), bool)
@@ -204,10 +204,10 @@ def gas(**changes):
     ({"span": 1.9}, "Many contacts last: this is not a gas, and hard spheres cannot replace it."),
     ({"end": np.where(np.arange(50) < 10, 10.0, 1.0)}, "Many contacts last: this is not a gas, and hard spheres cannot "
                                                        "replace it."),
-    ({"overlap": None}, "The deviation of means from hard spheres is at least Z/2 = 0.5 %. Give the largest overlaps "
-                        "and R₁ + R₂ to estimate all of it."),
+    ({"overlap": None}, "B is at least Z/2 = 0.5 %. Give the largest overlaps and R₁ + R₂ to estimate how far means "
+                        "deviate from hard spheres."),
 ])
-def test_the_words(changes, statement):
+def test_the_statement(changes, statement):
     found = gas(**changes)
     assert found.statement == statement
     assert str(found).startswith(statement)
@@ -217,7 +217,7 @@ def test_the_words(changes, statement):
     assert not isinstance(found, gr.Answer)
 
 
-def test_what_the_report_states():
+def test_notes_of_the_report():
     assert "Z is a mean over the 100 particles of the list" in str(gas(particles=None))
     assert "3 contacts have no end." in str(gas(end=np.where(np.arange(50) < 3, np.nan, 1.0)))
     assert "seen by eye" in str(gas(notes=["seen by eye"]))
@@ -226,7 +226,7 @@ def test_what_the_report_states():
 
 def test_hard_spheres_and_contacts_without_impulse_have_reports():
     found = contacts.analyse([0, 1], [1, 2], [0.0, 1.0], [0.0, 1.0], impulse=[0.0, 0.0])
-    assert (found.occupation, found.disturbed_share, found.statement[:13]) == (0.0, 0.0, "The deviation")
+    assert (found.occupation, found.disturbed_share, found.statement[:13]) == (0.0, 0.0, "B is at least")
     assert math.isnan(found.shared_impulse)
     assert math.isnan(found.relative_duration)
     assert "the mean duration is –." in str(found)

@@ -1,4 +1,4 @@
-"""Command `contacts`: contacts of a run of another program in three dimensions."""
+"""Command `contacts`: analyse contacts of a 3-D run of another program."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from granular.studies import contacts
 
 
 class ContactList(Command):
-    """Estimate from contacts of another program whether means agree with hard spheres."""
+    """Estimate from a contact list whether means of a 3-D run agree with hard spheres."""
 
     USAGE = "FILE [--time-step NUMBER] [--diameter NUMBER] [options]"
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        parser.add_argument("file", metavar="FILE", help="dump local of LAMMPS (tracker or pair/local), or .csv")
+        parser.add_argument("file", metavar="FILE", help="dump local of LAMMPS (tracker or pair/local), or CSV file")
         parser.add_argument("--time-step", type=float, metavar="NUMBER", help="time step in s, required for LAMMPS")
         parser.add_argument("--diameter", type=float, metavar="NUMBER", help="diameter of all particles in m")
         parser.add_argument("--particles", type=int, metavar="NUMBER",
                             help="number of particles [those with a contact]")
-        parser.add_argument("--columns", metavar="NAMES", help="names of the columns of a LAMMPS file in quotes")
+        parser.add_argument("--columns", metavar="NAMES", help="names of all columns of a LAMMPS file, in quotes")
         output.add_outputs(parser, json="write all numbers")
         return []
 
@@ -33,7 +33,7 @@ class ContactList(Command):
             if parsed.diameter is not None:
                 given.setdefault("distance", parsed.diameter)
         elif parsed.time_step is None:
-            raise ValueError("contacts requires --time-step for a dump of LAMMPS, which has times in steps.")
+            raise ValueError("contacts requires --time-step for a dump of LAMMPS, whose times are numbers of steps.")
         else:
             given = contacts.read_lammps(
                 parsed.file, parsed.time_step, diameter=parsed.diameter, columns=parsed.columns)
