@@ -92,25 +92,30 @@ class TabulatedRestitution:
     def from_intervals(cls, intervals: Any, gravity: float = 9.81, *, sigma_t: float = 0.0) -> TabulatedRestitution:
         """Return the table of a bouncing ball from the intervals between its bounces.
 
-        An interval T is one flight: the ball leaves one bounce and hits the next one at the speed g T/2. Neighbouring
-        intervals give ε of the bounce between them, the ratio of the second to the first. Drag and the durations of
-        contacts are neglected.
+        An interval T is one flight, which starts and ends at the speed g T/2. The restitution of the bounce between two
+        intervals T_j and T_(j+1) is ε = T_(j+1)/T_j, at the impact speed g T_j/2. Drag and the durations of contacts
+        are neglected.
 
         Parameters
         ----------
         intervals : (k+1,) array
-            Times in s between successive bounces, as an acoustic stopwatch shows them, each shorter than the one before
-            it, with k ≥ 2. Times of bounces on a clock are refused: use ``numpy.diff(times)``.
+            Times in s between successive bounces, as an acoustic stopwatch shows them. Each is shorter than the one
+            before it, and k ≥ 2. Convert times of bounces with ``numpy.diff(times)``.
         gravity : float
             g in m/s². Defaults to 9.81.
         sigma_t : float
-            Standard error in s of the time of one bounce. Defaults to 0. An interval has √2 times this error, and a
-            late bounce makes one interval longer and the next one shorter. `covariance` contains both.
+            Standard error in s of the time of one bounce. Defaults to 0. An interval has √2 times this error. A late
+            bounce makes one interval longer and the next one shorter. `covariance` contains both effects.
 
         Returns
         -------
         TabulatedRestitution
-            With `covariance` and `standard_error`.
+            Table of k entries by increasing speed: the last bounce is first. With `covariance` and `standard_error`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there are fewer than 3 intervals, if they do not decrease, or if an argument is not valid.
         """
         g, sigma = check.number("gravity", gravity, above=0.0), check.number("sigma_t", sigma_t, at_least=0.0)
         late = sigma * np.diff(np.eye(np.size(intervals) + 1), axis=0)
@@ -121,23 +126,28 @@ class TabulatedRestitution:
     def from_heights(cls, heights: Any, gravity: float = 9.81, *, sigma_h: float = 0.0) -> TabulatedRestitution:
         """Return the table of a bouncing ball from its drop and rebound heights.
 
-        The ball hits the floor at the speed √(2 g h). Neighbouring heights give ε of the bounce between them, the
-        square root of the ratio of the second to the first. Drag is neglected.
+        After a fall from the height h_j, the ball hits the floor at the speed √(2 g h_j). The restitution of this
+        bounce is ε = √(h_(j+1)/h_j). Drag is neglected.
 
         Parameters
         ----------
         heights : (k+1,) array
-            Heights in m of the lowest point of the ball above the floor: where it is dropped, and after each bounce.
-            Each is lower than the one before it, and k ≥ 2.
+            Heights in m of the lowest point of the ball above the floor: the drop height, then the apex after each
+            bounce. Each is lower than the one before it, and k ≥ 2.
         gravity : float
             g in m/s². Defaults to 9.81.
         sigma_h : float
-            Standard error in m of each height. Defaults to 0.
+            Standard error in m of each height. Defaults to 0. Errors of different heights are independent.
 
         Returns
         -------
         TabulatedRestitution
-            With `covariance` and `standard_error`.
+            Table of k entries by increasing speed: the last bounce is first. With `covariance` and `standard_error`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there are fewer than 3 heights, if they do not decrease, or if an argument is not valid.
         """
         g, sigma = check.number("gravity", gravity, above=0.0), check.number("sigma_h", sigma_h, at_least=0.0)
         return cls._of_ratios("heights", heights, 0.5, lambda h: np.sqrt(2.0 * g * h),
@@ -150,7 +160,7 @@ class TabulatedRestitution:
         """Return the table of ε = (y_(j+1)/y_j)^power from a decreasing series y.
 
         `covariance` is that of y, and `speed` computes the speed of impact from y. `name` is the name of the series in
-        messages, and `fix` the last sentence of the message about an entry that is larger than the one before it.
+        messages. `fix` is the last sentence of the message about an entry that is not smaller than the one before it.
         """
         y = check.positive(name, series, "number")
         check.raise_if_true({check.must(name, f"an array of at least 3 {name}, before, between and after two bounces",
@@ -166,8 +176,8 @@ class TabulatedRestitution:
     def covariance(self) -> check.Array:
         """Covariance matrix (k, k) of the entries of `restitution`.
 
-        It is 0 unless the table is made from measurements with an error. Neighbours are correlated, because they share
-        a measured value. Files do not store it.
+        It is 0 unless the table was created from measurements with a standard error. Neighbouring entries are
+        correlated, because they share a measured value. Saved files do not contain it.
         """
         return np.array(self.__dict__.get("_covariance", np.zeros((len(self.speed), len(self.speed)))))
 

@@ -25,22 +25,22 @@ NUMBERS = re.compile(r"(?=.*\d)(?:[\s\"';,+\-.\d]|[eE](?=[+\-\d])|nan)+", re.IGN
 NAME_AND_UNIT = re.compile(r"^\s*(.*?)[\s/]*(?:[(\[]\s*([^(\[]*?)\s*[)\]]|/\s*([^/]*?))?\s*$")
 """Header of a column, such as "y (cm)", "y [cm]", "y / cm" or "y"."""
 BOUNCE, NEAR_BOUNCE = 5.0, 3.0
-"""Changes of velocity in standard errors from which they are bounces.
+"""Minimum change of velocity, in standard errors, that counts as a bounce.
 
-The second number is for samples from which a contact is within reach.
+The second number is for bodies that can touch a neighbour within one step.
 """
 MIN_FREE = 8
-"""Number of samples in free flight from which the noise is determined."""
+"""Minimum number of samples in free flight for an estimate of the noise."""
 MAX_OVERLAP = 0.5
 """Largest overlap of a recorded pair, in units of the sum of its radii.
 
-Overlaps that are larger by more than noise are mistakes in positions.
+Larger overlaps that noise cannot explain are refused as wrong positions.
 """
 
 
 @check.face
 def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = None) -> dict[str, check.Array]:
-    """Read a table with units in its header, as phyphox and Tracker export it.
+    """Read a text table with units in its header, as phyphox or Tracker exports it.
 
     Columns are separated by tabs, semicolons or commas, and numbers have a decimal point or a decimal comma. The
     header is the last line above the numbers, such as ``"Time (s)","Height (cm)"`` or ``t;y / mm``. Lines above it are
@@ -57,15 +57,16 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
     Returns
     -------
     dict of str to array
-        The columns in SI units by name, in the order of `columns`. If the first of several columns of the file is a
-        clock (``t``, ``time``), its times must increase.
+        Arrays in SI units by the name of the column, in the order of `columns`. If the first of several columns of the
+        file is a clock (``t``, ``time``, ``zeit`` …), its times must increase.
 
     Raises
     ------
     OSError
         If the file cannot be read.
     ValueError
-        If a column is missing, a unit or a number cannot be read, or times are out of order.
+        If the file has no header, a name occurs twice, a column is missing, a unit or a number cannot be read, or times
+        do not increase.
     """
     name = repr(files.checked_source("path", path))
     lines = [line for line in Path(path).read_text("utf-8-sig", "replace").splitlines() if line.strip()]
@@ -107,12 +108,14 @@ def velocities(
 ) -> tuple[check.Array, dict[str, float]]:
     """Return velocities by central differences of positions, and their error.
 
-    The difference over three samples is exact for constant acceleration, also at unequal steps. It does not exist for
-    the first and the last sample, and next to a bounce, where both sides disagree by more than noise: there it is nan.
-    A bounce that changes the velocity by less than three standard errors of this change cannot be found.
+    The difference over three samples is exact for constant acceleration, also at unequal steps. The velocity is nan for
+    the first and the last sample, and next to a bounce, where the slopes on both sides differ by more than noise. A
+    bounce that changes the velocity by less than three standard errors of this change is not detected.
 
     Parameters
     ----------
+    scene : Scene
+        Scene with the forces of free flight.
     time : (T,) array
         Times in s, T ≥ 3, strictly increasing.
     position, gap : (T, n) and (T, n-1) arrays
@@ -123,24 +126,30 @@ def velocities(
     velocity : (T, n) array
         Velocities in m/s.
     errors : dict of str to float
-        "position_error", the standard error σ of a position in m, from the scatter of the second differences about
-        free flight in `scene`. "velocity_error", that of a velocity in m/s at the median step h, σ/(√2 h).
+        "position_error" is the standard error σ of a position in m, from the scatter of the second differences about
+        free flight in `scene`. "velocity_error" is the standard error σ/(√2 h) of a velocity in m/s, for the median
+        step h in s.
+
+    Raises
+    ------
+    ValueError
+        If times do not increase, or a pair overlaps by more than half the sum of its radii and noise.
     """
     check.every("time", time, np.diff(time, prepend=-np.inf) > 0.0, "larger than the one before it, without `velocity`")
     step, ball = np.diff(time)[:, None], ~scene.is_wall
     slope, before, after = np.diff(position, axis=0) / step, step[:-1], step[1:]
     swing = scene.pendulum**2 * (position[1:-1] - scene.at_rest) * ball
-    # change of velocity less that of free flight, in units in which its standard error is the one of a position
+    # change of velocity minus its value in free flight, scaled so that its standard error is that of a position
     change = np.abs(np.diff(slope, axis=0) - 0.5 * (scene.fall - swing) * (before + after)) / np.sqrt(
         before**-2.0 + after**-2.0 + (1.0 / before + 1.0 / after) ** 2) * ball
-    # pairs that can touch within one step, and their bodies, which do not show the noise unless all are like that
+    # bodies of pairs that can touch within one step; they give the noise only if there are too few others
     near = gap[1:-1] <= 0.5 * np.abs(scene.closing_acceleration) * step.max() ** 2 + np.maximum(
         *(np.abs(np.diff(rows, axis=0)) for rows in (gap[:-1], gap[1:])))
     touched = sum(near @ np.eye(scene.n)[side] for side in scene.bodies(np.arange(scene.n_pairs))) > 0.0
     free = change[ball & ~touched] if (ball & ~touched).sum() >= MIN_FREE else change[:, ball]
-    # rounding, and the part of a swing that is not parabolic
+    # smallest σ: rounding errors, and the part of a swing that is not parabolic
     least = 4.0 * np.spacing(np.abs(position).max()) + np.abs(swing).max() * scene.pendulum**2 * step.max() ** 4
-    # the median is 0.6745 of the standard error, but bounces increase it: it only separates them
+    # the median of |x| is 0.6745 σ, but bounces increase it, so it is only used to exclude them
     sigma = float(max(np.sqrt(np.mean(free[free <= BOUNCE * max(np.median(free) / 0.6745, least)] ** 2)), least))
     limit = MAX_OVERLAP * np.add(*scene.sides(scene.radius))
     check.raise_if_true({check.must(
@@ -149,7 +158,7 @@ def velocities(
         "Positions are those of centres in m, from the bottom up."): True
         for row, pair in np.argwhere((gap < -limit - BOUNCE * sigma) & (limit > 0.0))[:1].tolist()})
     bounce = np.pad(change > sigma * np.where(touched, NEAR_BOUNCE, BOUNCE), ((1, 1), (0, 0)))
-    # two neighbours have the bounce between them; with one sample alone it can be on either side
+    # of two marked neighbours the bounce lies between them; it can lie on either side of a single marked sample
     alone = bounce & ~np.roll(bounce, 1, axis=0) & ~np.roll(bounce, -1, axis=0)
     velocity = np.pad((after * slope[:-1] + before * slope[1:]) / (before + after), ((1, 1), (0, 0)),
                       constant_values=np.nan)

@@ -128,7 +128,7 @@ def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -
 def _checked_table(name: str, values: Any, shape: tuple[int, int], lost: bool = False) -> Any:
     """Return a copy of a table of numbers, after checking its shape and values.
 
-    With `lost`, an entry can be nan.
+    With `lost`, entries of lost frames can be nan.
     """
     try:
         if np.iscomplexobj(np.asarray(values)):

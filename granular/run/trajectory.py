@@ -422,8 +422,8 @@ class Trajectory(LazyContacts):
         gap : (T, n-1) array, (T, n) on a ring
             Distances between surfaces in m, as an alternative to `position`.
         velocity : (T, n) array, optional
-            Velocities in m/s of all bodies including walls. By default they are central differences of the positions,
-            see the notes.
+            Velocities in m/s of all bodies including walls. Defaults to central differences of the positions, see the
+            notes.
 
         Returns
         -------
@@ -432,20 +432,21 @@ class Trajectory(LazyContacts):
         Raises
         ------
         TypeError, ValueError
-            If shapes do not match, times decrease, a number is not finite, or balls overlap by more than the mean of
-            their radii in a recording without velocities.
+            If shapes do not match, times decrease, or a number is not finite. Without `velocity`, also if there are
+            fewer than 3 samples, times do not increase, or balls overlap by more than the mean of their radii.
 
         Notes
         -----
         The result contains only samples, without law, rule, forces and state. Its contact log is empty, because samples
         do not determine the onsets and ends of contacts. Its energy does not include the elastic energy of overlaps.
 
-        Without `velocity`, samples whose position is nan are lost frames and left out. The velocity is the central
+        Without `velocity`, samples with a position of nan are lost frames and are ignored. The velocity is the central
         difference over three samples. It is nan for the first and the last sample, and next to each change of velocity
         that is too large for free flight, because a difference across a bounce is meaningless. The standard error σ of
-        a position is estimated from the scatter of the samples about free flight in `scene`. The velocity error is
-        σ/(√2 h) for a time step h: 21 mm/s for 1 mm at 30 Hz. Both are in `message` and in ``stats["position_error"]``
-        and ``stats["velocity_error"]``. Fit positions, not these velocities.
+        a position is estimated from the scatter of the samples about free flight in `scene`. The standard error of a
+        velocity is σ/(√2 h) for a time step h: 21 mm/s for 1 mm at 30 Hz. Both are in `message`, in m and m/s in
+        ``stats["position_error"]`` and ``stats["velocity_error"]``. The number of lost frames is
+        ``stats["lost_frames"]``. Fit positions, not these velocities.
         """
         from granular.run import tables
 

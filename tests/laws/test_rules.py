@@ -106,8 +106,8 @@ def test_a_text_is_no_coefficient():
         gr.edmd.simulate(scene, lambda speed, *, pair: 0.8)
 
 
-def test_intervals_of_a_ball_give_its_rule_back() -> None:
-    """The hard run with the table repeats the recorded intervals."""
+def test_intervals_of_a_ball_reproduce_its_rule() -> None:
+    """A hard run with the table reproduces the recorded intervals."""
     recorded = np.array([0.46, 0.368, 0.2981, 0.244, 0.2])
     rule = TabulatedRestitution.from_intervals(recorded)
     assert rule.speed == pytest.approx(0.5 * 9.81 * recorded[-2::-1], rel=1e-15)
@@ -117,7 +117,7 @@ def test_intervals_of_a_ball_give_its_rule_back() -> None:
     assert np.diff(onsets, prepend=0.0) == pytest.approx(recorded, rel=1e-13)
 
 
-def test_heights_of_a_ball_give_its_rule_back() -> None:
+def test_heights_of_a_ball_reproduce_its_rule() -> None:
     recorded = np.array([1.0, 0.64, 0.43, 0.3])
     rule = TabulatedRestitution.from_heights(recorded, gravity=1.62)
     assert rule.speed == pytest.approx(np.sqrt(2.0 * 1.62 * recorded[-2::-1]), rel=1e-15)
@@ -127,7 +127,7 @@ def test_heights_of_a_ball_give_its_rule_back() -> None:
 
 
 @pytest.mark.parametrize("kind", ["intervals", "heights"])
-def test_errors_of_a_table_are_those_of_many_noisy_recordings(kind: str) -> None:
+def test_errors_of_a_table_are_the_scatter_of_many_noisy_recordings(kind: str) -> None:
     rng, sigma, n = np.random.default_rng(3), 1e-4, 4000
     exact = np.array([0.46, 0.368, 0.298, 0.244, 0.2])
     if kind == "intervals":

@@ -125,7 +125,7 @@ def test_lost_frames_are_left_out_whether_nan_or_missing():
 
 
 def test_flights_that_the_camera_does_not_resolve_have_a_large_error():
-    """One bounce per frame at the same phase: the ball seems to stand still."""
+    """One bounce per frame at the same phase: the ball seems to be at rest."""
     ball = gr.Scene([math.inf, 0.05], [0.0, 0.02], [0.0], [0.0, 9.81 / 60.0], gravity=9.81)
     run = gr.edmd.simulate(ball, gr.ConstantRestitution(1.0), t_end=1.0, samples=np.arange(30) / 30.0 + 0.01)
     found = gr.Trajectory.from_arrays(ball, run.time, position=run.position)
@@ -156,13 +156,13 @@ WRONG_ROWS = [
 
 
 @pytest.mark.parametrize(("given", "sentence"), WRONG_ROWS)
-def test_positions_that_are_no_recording_are_one_sentence(given, sentence):
+def test_invalid_recordings_are_refused_in_one_sentence(given, sentence):
     valid = {"time": [0.0, 0.1, 0.2], "position": [[0.0, 1.0], [0.0, 0.9], [0.0, 0.8]]}
     with pytest.raises(ValueError, match=sentence):
         gr.Trajectory.from_arrays(BALL, **valid | given)
 
 
-def test_velocities_that_are_given_allow_no_lost_frames():
+def test_lost_frames_are_refused_if_velocities_are_given():
     with pytest.raises(ValueError, match=r"`position\[0, 1\]` must be a finite number, got nan"):
         gr.Trajectory.from_arrays(BALL, [0.0], position=[[0.0, math.nan]], velocity=[[0.0, 0.0]])
 
@@ -179,8 +179,8 @@ def test_heights_of_the_lowest_point_are_refused_and_overlaps_by_noise_are_not()
     assert gr.Trajectory.from_arrays(BALL, rests.time, position=noisy).gap.min() < -0.01
 
 
-def test_a_ball_that_comes_to_rest_does_not_count_as_noise():
-    """Two thirds of the samples are on the floor; there the floor presses, so they are next to a contact."""
+def test_a_ball_at_rest_does_not_count_as_noise():
+    """Two thirds of the samples are on the floor, in contact, and must not contribute to the noise."""
     rng, times = np.random.default_rng(7), np.arange(121) / 30.0
     run = gr.edmd.simulate(BALL, gr.ConstantRestitution(0.5), t_end=4.0, samples=times, collapse="merge")
     noisy = run.position + rng.normal(0.0, 1e-4, run.position.shape) * [0.0, 1.0]
