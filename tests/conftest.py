@@ -79,7 +79,7 @@ def wide_terminal():
 
 
 def pytest_sessionstart():
-    """Have programs that tests start keep their byte code, which takes them 0.3 s to make anew each time."""
+    """Let programs that tests start keep their byte code, because compiling it takes 0.3 s each time."""
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 

@@ -37,7 +37,7 @@ def face(target: Function) -> Function:
 def raise_call_error(function: Callable[..., Any], error: TypeError) -> NoReturn:
     """Raise the error of a call to `function` again.
 
-    The message is replaced if the arguments do not fit the signature.
+    If the arguments do not match the signature, the message is replaced.
     """
     if error.__traceback__.tb_next is not None:  # type: ignore[union-attr]  # raised within the function
         raise error

@@ -1,8 +1,8 @@
-"""Runs of other programs and recordings, compared with both models.
+"""Compare runs of other programs, and recordings, with both models.
 
-The clock of a recording, or of another program, rarely begins with the scene. Its offset minimizes the mean square root
-of the differences from a model. Samples at which both agree therefore decide, and samples after a collision with
-another outcome have little weight. The first sample, positions and free flights are checked as well.
+The clock of a recording or of another program rarely begins with the scene. Its offset minimizes the mean square root
+of the absolute differences from a model. Samples at which both agree therefore determine the offset, and samples after
+a collision with another outcome have little weight. The first sample, positions and free flights are also checked.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from granular.scene import speed_scale
 
 ENGINES = "hard", "soft"
 MAX_PRINTED_BALLS = 12
-"""Maximum number of printed balls: those with the largest differences."""
+"""Maximum number of printed balls. The largest differences are printed."""
 SAME_STATE = 1e-6
 """Largest difference of two equal states.
 
-For gaps it is divided by the extent of the line, and for their rates by the unit. Numbers of single precision, or with
-seven printed digits, fulfil it.
+Differences of gaps are divided by the extent of the line, differences of their rates by the unit. Numbers of single
+precision, or with seven printed digits, are within this limit.
 """
 MEANINGS = {
     Answer.no: "Hard and soft spheres differ: a difference from one of them is not an error of the other run.",
     Answer.not_unique: "Hard spheres have several outcomes: a difference from them is not an error of the other run.",
-    Answer.not_ball_by_ball: "Rounding decides about single balls: a difference is not an error of the other run.",
+    Answer.not_ball_by_ball: "Rounding decides single velocities: a difference is not an error of the other run.",
 }
-"""Meaning of differences for the answers of a report."""
+"""Meaning of a difference for some answers of a report."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +55,13 @@ class Against:
     time : (T,) array
         Times in s of the samples of the third run, on the clock of the scene.
     unit : (n,) array
-        Unit in m/s of each ball: the unit U of its component. Balls without contacts have the largest unit.
+        Unit in m/s of each ball: the unit U of its component. For balls without contacts it is the largest unit.
     hard, soft : (T, n) arrays
-        Velocity difference between the third run and the hard or the soft run, in these units. nan for walls, and
+        Velocity of the third run minus the velocity of the hard or the soft run, in these units. nan for walls, and
         where one of the velocities is unknown.
     velocity, gap : (3, T, n) and (3, T, n-1) arrays
-        Velocities in m/s and gaps in m of the third run, of hard and of soft spheres. Those of the engines are nan
-        before the start of the scene, and after the end of a run that stopped early.
+        Velocities in m/s and gaps in m of the third run, of hard and of soft spheres. Values of hard and soft spheres
+        are nan before the start of the scene, and after the end of a run that stopped early.
     """
 
     report: Any
@@ -82,16 +82,16 @@ class Against:
         values = [["last common sample", "t, s", "theirs", "hard", "soft"],
                   *([f"velocity of ball {i}, m/s", *self._last(self.velocity[..., i])] for i in shown),
                   *([f"gap {scene.pairs.name(c)}, m", *self._last(self.gap[..., c])] for c in pairs)]
-        rows = [["velocity less that of", "U, m/s", "last, U", "largest, U", f"beyond {ERROR_LIMIT} U"],
+        rows = [["velocity minus that of", "U, m/s", "last, U", "largest, U", f"beyond {ERROR_LIMIT} U"],
                 *([f"ball {i}, {engine}", f"{self.unit[i]:.3g}", *self._differences(apart[:, i])]
                   for i in shown for engine, apart in engines.items())]
         hidden = len(balls) - len(shown)
         return "\n".join([
             *_first_lines(self.report, self.offset, *self.notes), "", aligned(values, "<>"), "", aligned(rows, "<>>><"),
-            *[f"({hidden} balls that are nearer not shown)"] * bool(hidden)])
+            *[f"({hidden} balls with smaller differences not shown)"] * bool(hidden)])
 
     def _last(self, values: check.Array) -> list[str]:
-        """Time and numbers of the last sample at which most of `values` (3, T) are known."""
+        """Time and values of the last sample at which most of `values` (3, T) are known."""
         known = np.isfinite(values).sum(axis=0)[::-1]
         k = len(known) - 1 - int(known.argmax())
         return [f"{number:.6g}" for number in (self.time[k], *values[:, k])]
@@ -100,7 +100,7 @@ class Against:
         """Last and largest difference of a ball, and when it exceeds the limit, as text.
 
         The limit is `ERROR_LIMIT`. If the ball agrees until a run stopped early, the text contains the time of the last
-        comparison.
+        compared sample.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ def _first_lines(report: Any, offset: float, *notes: str) -> list[str]:
 
 
 def against(report: Any, run: Trajectory) -> Against:
-    """Compare a run of another program with a report, see `Comparison.against`."""
+    """Implement `Comparison.against`."""
     check.of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
     scene = report.scene
     for name in ("mass", "radius"):
@@ -143,7 +143,7 @@ def against(report: Any, run: Trajectory) -> Against:
 
 
 def _states(report: Any, engine: str, times: check.Array) -> tuple[check.Array, check.Array]:
-    """Gaps in m and velocities in m/s of an engine at any times, from a further run.
+    """Gaps in m and velocities in m/s of an engine at given times, from a further run.
 
     They are nan before the start of the scene, and after the end of a run that stopped early.
     """
@@ -157,9 +157,9 @@ def _states(report: Any, engine: str, times: check.Array) -> tuple[check.Array, 
 def _clock_offset(report: Any, run: Trajectory, unit: float) -> float:
     """Time in s on the clock of `run` at the time 0 of the scene.
 
-    If the first sample is the initial state of the scene, the offset is its time. Otherwise it is searched. It is 0 if
-    a model agrees at 0, if nothing moves, or if no offset reduces the misfit to a half, which is a quarter of the
-    differences.
+    If the first sample is the initial state of the scene, the offset is its time. Otherwise the offset is fitted. It is
+    0 if a model agrees at 0, if nothing moves, or if no offset halves the misfit. Half of the misfit corresponds to a
+    quarter of the differences.
 
     Parameters
     ----------
@@ -181,15 +181,15 @@ def _clock_offset(report: Any, run: Trajectory, unit: float) -> float:
 def _fitted_offset(report: Any, engine: str, run: Trajectory) -> tuple[float, float, float]:
     """Smallest misfit of an engine, its offset in s, and the misfit at the offset 0.
 
-    The misfit is the mean square root of the differences of gaps, over the range of the recorded gaps. It is 1 where
-    the engine has no state. Interpolation by cubic polynomials is exact in free flight. Before its start the scene is
-    in its initial state, like a ball that is held.
+    The misfit is the mean square root of the absolute differences of gaps, divided by the range of the recorded gaps.
+    Samples without a state of the engine count as 1. Interpolation by cubic polynomials is exact in free flight. Before
+    its start the scene is in its initial state, as for a ball that is held.
     """
     from scipy.interpolate import CubicHermiteSpline
 
     start, length, some = report.soft.time[0], np.ptp(run.time), slice(None, None, len(run.time) // 300 + 1)
     end = max(report.hard.time[-1], report.soft.time[-1])
-    # a fraction of the time between two contacts, but no more than a second or so of work
+    # a fraction of the time between two contacts; the limit keeps the search below about a second
     count = min(max(20 * len(getattr(report, engine).contacts), 2000), 20_000)
     knots = np.linspace(start, end if report.scene.fed else end + length, count)
     ours = repeat_with_samples(report, engine, knots, further=True)
@@ -197,7 +197,7 @@ def _fitted_offset(report: Any, engine: str, run: Trajectory) -> tuple[float, fl
     time, recorded = run.time[some], run.gap[some]
     extent = float(np.fmax.reduce(recorded, axis=None) - np.fmin.reduce(recorded, axis=None))
     offsets = time[0] - np.linspace(end, start - length, count)
-    for _ in range(12):  # finer grids, down to rounding errors
+    for _ in range(12):  # each grid is 20 times finer, down to rounding errors
         step, offsets = offsets[1] - offsets[0], np.append(offsets, 0.0)
         misfits = [float(np.nan_to_num(np.sqrt(np.abs(recorded - spline(np.maximum(time - offset, start))) / extent),
                                        nan=1.0).mean()) for offset in offsets.tolist()]
@@ -209,10 +209,10 @@ def _fitted_offset(report: Any, engine: str, run: Trajectory) -> tuple[float, fl
 def _sample_notes(
     report: Any, run: Trajectory, gap: check.Array, velocity: check.Array, unit: check.Array
 ) -> Iterator[str]:
-    """Yield sentences on shifted positions and a first sample against the scene.
+    """Yield sentences on shifted positions and on a wrong first sample.
 
-    The tolerance of the first sample is 1 % of the unit for velocities. For gaps it is 1 % of the gap in the scene and
-    of the path since the start, and a rounding error.
+    The tolerance of the first sample is 1 % of the unit for velocities. For gaps it is 1 % of the sum of the gap in the
+    scene and the path since the start, plus rounding errors.
     """
     scene, start = report.scene, float(report.soft.time[0])
     elapsed = max(0.0, float(run.time[0]) - start)
@@ -233,10 +233,11 @@ def _sample_notes(
 def _flight_notes(report: Any, run: Trajectory) -> Iterator[str]:
     """Yield a sentence on the first ball whose flight is not a parabola of the scene.
 
-    The longest flight of each ball counts. It consists of samples between which the ball cannot have touched a
-    neighbour, at twice the largest speed of any run. The deviation is fitted by a polynomial of third degree. It must
-    exceed ten standard errors, 3e-5 of the height of the flight, and three times the smallest step between recorded
-    positions. An acceleration that is wrong by 0.1 % causes 1e-4 of the height.
+    The longest flight of each ball is tested. It consists of samples between which the ball cannot have touched a
+    neighbour, at twice the largest speed of any run. A polynomial of third degree is fitted to the deviation from the
+    parabola. Its quadratic or cubic coefficient must exceed ten standard errors, 3e-5 of the height of the flight, and
+    three times the smallest step between recorded positions. An acceleration that is wrong by 0.1 % causes a deviation
+    of 1e-4 of the height.
     """
     size = SAME_STATE * np.fmax.reduce(np.abs(run.position), axis=None)
     scene, rows = report.scene, np.unique(run.time.clip(min=report.soft.time[0]), return_index=True)[1]
@@ -261,13 +262,13 @@ def _flight_notes(report: Any, run: Trajectory) -> Iterator[str]:
         if (np.abs(fit[:2]) > np.maximum(floor, 10.0 * np.sqrt(np.diag(covariance)[:2]))).any():
             first, last = (fall + 8.0 * (fit[1] + 3.0 * u * fit[0]) / t[-1] ** 2 for u in (-1.0, 1.0))
             yield (f"A free flight of ball {ball} is not the parabola of {fall:.4g} m/s²: in {t[-1]:.3g} s its "
-                   f"acceleration goes from {first:.4g} to {last:.4g} m/s². Neither model has drag.")
+                   f"acceleration changes from {first:.4g} to {last:.4g} m/s². Neither model has drag.")
             return
 
 
 @dataclass(frozen=True, eq=False)
 class Bounces:
-    """Recorded bounces next to those of both engines.
+    """Recorded bounces next to the bounces of both engines.
 
     Attributes
     ----------
@@ -278,7 +279,7 @@ class Bounces:
     times : (3, K) array
         Onsets of the bounces in s, of the recording, of hard and of soft spheres, on the clock of the scene.
     heights : (3, L) array
-        Heights in m of the apexes after the bounces, as in `times`. Unknown times and heights are nan.
+        Heights in m of the apexes after the bounces, in the same order of rows. Unknown times and heights are nan.
     """
 
     report: Any
@@ -287,7 +288,7 @@ class Bounces:
     heights: check.Array
 
     def __str__(self) -> str:
-        tables = [[[f"bounce, {name}", "theirs", "hard", "soft", "less hard", "less soft"],
+        tables = [[[f"bounce, {name}", "theirs", "hard", "soft", "minus hard", "minus soft"],
                    *([str(k + 1), *(f"{value:.6g}" for value in row), *(f"{row[0] - value:.3g}" for value in row[1:])]
                      for k, row in enumerate(values.T))]
                   for name, values in (("t in s", self.times), ("height in m", self.heights)) if values.size]
@@ -296,7 +297,7 @@ class Bounces:
 
 
 def against_bounces(report: Any, times: Any, heights: Any, ball: int) -> Bounces:
-    """Compare recorded bounces with a report, see `Comparison.against_bounces`."""
+    """Implement `Comparison.against_bounces`."""
     if times is None and heights is None:
         raise ValueError("One of `times` and `heights` must be given, got neither.")
     recorded = np.zeros(0) if times is None else check.increasing_array("times", times, "a finite time in s")

@@ -223,7 +223,7 @@ def allowed_delay(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], 
 
     The arguments are pair numbers and approach speeds in m/s. The lag is the isolated duration, plus the time that the
     balls need to travel the distance by which they may lag behind the other run. The second part is at most the length
-    of the run. The lag is 0 for contacts that do not end. The soft run stores the last result.
+    of the run. The lag is 0 for contacts that do not end. The last result is cached in the soft run.
     """
     compared_with, stored_lag = vars(soft).get("_delay", (None, None))
     if compared_with is hard:
@@ -320,20 +320,20 @@ def _flies_until(run: Trajectory, end: float) -> bool:
 
 
 def _stay_apart(hard: Trajectory, pair: Any, until: Array) -> bool:
-    """Whether balls of some pairs are too slow to meet, whatever other balls do.
+    """Whether none of the given pairs can meet by the given times.
 
-    Before balls i and i + 1 meet, ball i exchanges momentum only with bodies below it. Collisions do not increase
+    Until balls i and i + 1 meet, ball i exchanges momentum only with bodies below it. Collisions do not increase
     S² = Σ m (v - V)² of ball i and the balls below, with the velocity V of the walls. Gravity increases S by at most
-    g √M T during the time T, with M = Σ m. Hence |v - V| ≤ (S + g √M T)/√m for ball i, and correspondingly for ball
-    i + 1 with the balls above. Rings, and scenes with forces other than gravity, with driven or thermal walls, without
-    walls, or with walls of different velocities are not examined.
+    g √M T during the time T, with M = Σ m. Hence |v - V| ≤ (S + g √M T)/√m for ball i, and similarly for ball i + 1
+    with the balls above. The result is False for rings, and for scenes with forces other than gravity, with driven or
+    thermal walls, without walls, or with walls of different velocities.
 
     Parameters
     ----------
     pair : array of int
         The pairs.
     until : (n-1,) array
-        Time in s for each pair of the scene.
+        Time in s until which each pair of the scene must stay apart.
     """
     scene, elapsed = hard.scene, until[pair] - hard.time[-1]
     walls, mass = scene.velocity[scene.is_wall], np.where(scene.is_wall, 0.0, scene.mass)

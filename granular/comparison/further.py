@@ -135,7 +135,7 @@ class Continuation:
         """Heights in m above the lowest body, with radii subtracted, (len(times), n).
 
         `times` in s increase. The heights are nan at times after the run stopped at a limit. `further` is a
-        continuation whose last sample can be used.
+        continuation, whose last sample is used if its time is the only time.
         """
         early = times <= self.before.time[-1]
         gaps = [repeat_with_samples(self.report, self.engine, times[early]).gap] if early.any() else []
@@ -219,10 +219,10 @@ def _apex_of_last_flight(run: Trajectory, bounce: int) -> tuple[float, float] | 
     """Time in s and height in m of the apex of the top ball's present flight, or None.
 
     At the end of the run, the ball is at height y and has the velocity v. The apex of its flight is at H = y + v²/(2
-    g). If the apex is later, the ball below cannot reach the top ball before, if all bodies below have together less
-    energy than m g H, where m is the mass of the ball below. A tenth of m g H is left as a margin, because bodies with
-    overlaps can have a slightly negative energy. None if this is not fulfilled, if an earlier flight decides, or if
-    other forces act.
+    g). If the apex is after the end of the run, the ball below must not reach the top ball before. This is certain if
+    all bodies below together have less energy than 0.9 m g H, where m is the mass of the ball below. The margin is
+    required because bodies with overlaps can have a slightly negative energy. The result is None if this condition is
+    violated, if an earlier flight determines the apex, or if other forces act.
     """
     scene, log, top = run.scene, run.contacts, run.scene.n - 1
     if scene._flags or scene.is_wall.tolist() != [True] + [False] * top or scene.velocity[0] or top < 2:

@@ -43,9 +43,9 @@ _Result = TypeVar("_Result")
 
 
 def _once_per_run(function: Callable[[Trajectory], _Result]) -> Callable[[Trajectory], _Result]:
-    """Decorate a function of a run, so that each run stores its result.
+    """Decorator that caches the result of a function of a run in the run.
 
-    Arrays are stored read-only. An argument that is not a `Trajectory` raises `TypeError`.
+    Cached arrays are read-only. An argument that is not a `Trajectory` raises `TypeError`.
     """
     name, argument = f"_{function.__name__}", function.__code__.co_varnames[0]
 
@@ -113,7 +113,7 @@ def pair_outcomes(hard: Trajectory, soft: Trajectory, cut: Trajectory) -> tuple[
 
 @_once_per_run
 def touching_bodies(run: Trajectory) -> Any:
-    """Numbers of the lower and the upper body of each contact in the log, (m, 2)."""
+    """Indices of the lower and the upper body of each contact in the log, (m, 2)."""
     return np.stack(run.scene.bodies(run.contacts["pair"]), axis=1)
 
 

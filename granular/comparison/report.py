@@ -38,7 +38,7 @@ SAME_RESTITUTION = 1e-9
 OVERLAP_FRACTIONS = 0.5 ** np.concatenate([np.arange(16), [24, 32, 40, 48]])
 """Fractions of the largest overlap at which force laws are tested for attraction.
 
-The last ones find weak adhesion.
+The smallest fractions find weak adhesion.
 """
 MIN_DENSITY, MAX_DENSITY, MAX_WAVE_SPEED = 0.15, 23_000.0, 20_000.0
 """Limits of solids: density in kg/m³, and speed of sound in m/s.
@@ -112,7 +112,7 @@ def warnings(report: ComparisonWithAnswer) -> list[str]:
     """Return warnings about the input, one sentence each.
 
     The warnings concern attractive force laws, different ε of law and rule, merged balls, properties that no solid has,
-    and deep overlaps. The first one is part of the short report, so a pull comes first: both models leave it out.
+    and deep overlaps. The first warning is part of the short report. Attraction is first, because both models omit it.
     """
     return [*_attraction_warnings(report), *_restitution_warnings(report), *_remedy_warnings(report),
             *_solid_warnings(report), *_overlap_and_speed_warnings(report)]

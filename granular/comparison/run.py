@@ -120,9 +120,9 @@ class Comparison(ComparisonWithAnswer, Report):
     def against(self, run: Trajectory) -> Against:
         """Compare a run of another program, or a recording, with both engines.
 
-        Both engines run again so that they have a sample at exactly the times of `run`. The clock of `run` may begin at
-        any time: its offset is the time of its first sample if this is the initial state of the scene. Otherwise it is
-        fitted to the gaps, and accepted if it reduces the differences from one engine by a factor of four.
+        Both engines run again, with samples at exactly the times of `run`. The clock of `run` may begin at any time.
+        Its offset is the time of its first sample if this sample is the initial state of the scene. Otherwise the
+        offset is fitted to the gaps, and accepted if it reduces the differences from one engine by a factor of four.
 
         Parameters
         ----------
@@ -133,8 +133,8 @@ class Comparison(ComparisonWithAnswer, Report):
         -------
         Against
             Velocities and gaps of all three runs, and the differences of velocities in the units of this report.
-            Printing it gives the verdict, sentences on clock, positions, first sample and free flights that are not
-            parabolas, the numbers of the three runs side by side, and their differences.
+            It prints the verdict, sentences on clock, positions, first sample and free flights that are not parabolas,
+            the values of the three runs side by side, and their differences.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class Comparison(ComparisonWithAnswer, Report):
         """Compare recorded times of bounces, or heights after them, with both engines.
 
         Bounces are contacts of the lowest pair, which is the floor and ball 1. The first entry belongs to the first
-        bounce. Intervals give times by ``np.cumsum([0, *intervals])``: their clock begins with the first bounce.
+        bounce. Convert intervals to times with ``np.cumsum([0, *intervals])``. This clock begins at the first bounce.
 
         Parameters
         ----------
@@ -157,7 +157,7 @@ class Comparison(ComparisonWithAnswer, Report):
             Times of the bounces in s, on any clock. The offset of the clock is the median difference from one engine,
             if this reduces the differences by a factor of four.
         heights : (L,) array, optional
-            Heights in m of the apexes of `ball` after each bounce, above the floor without radii, see `rises`.
+            Heights in m of the apexes of `ball` after each bounce, above the floor with radii subtracted, see `rises`.
         ball : int
             Ball whose heights are given. Defaults to 1.
 
@@ -169,7 +169,8 @@ class Comparison(ComparisonWithAnswer, Report):
         Raises
         ------
         TypeError, ValueError
-            If neither times nor heights are given, if times do not increase, or if a height is negative.
+            If neither times nor heights are given, if times do not increase, if a height is negative, or if `ball` is
+            not a ball of the scene.
         """
         from granular.comparison.against import against_bounces
 

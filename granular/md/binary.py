@@ -384,8 +384,8 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
 def oblique(law: Any, pair: Pair, distance: float, normal_speed: float, tangential_speed: float) -> Oblique:
     """Compute the oblique impact of two frictionless spheres, in three dimensions.
 
-    During a contact the line of centres turns, so that a soft impact deviates from the hard-sphere result even without
-    other contacts. The angle is about three times the relative overlap ξ_max/(R₁ + R₂).
+    During a contact the line of centres turns, so a soft impact deviates from a hard-sphere collision even without
+    other contacts. The rotation in rad is about three times the relative overlap ξ_max/(R₁ + R₂).
 
     Parameters
     ----------
@@ -400,12 +400,12 @@ def oblique(law: Any, pair: Pair, distance: float, normal_speed: float, tangenti
     Returns
     -------
     Oblique
-        Rotation, duration, restitutions and the deviation from hard spheres.
+        Rotation, duration, restitutions and deviation from hard spheres.
 
     Raises
     ------
     TypeError, ValueError
-        For invalid arguments, and for contacts that `collision` refuses.
+        If an argument is invalid, `collision` refuses the contact, or the contact does not end.
 
     Examples
     --------

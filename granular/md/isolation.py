@@ -138,7 +138,7 @@ class Durations:
 def isolated_durations(soft: Trajectory) -> Durations:
     """Return the durations of isolated contacts under the laws of a soft run.
 
-    The scene stores the last result, for further calls with the same laws.
+    The last result is cached in the scene, for further calls with the same laws.
     """
     stored = vars(soft.scene)
     laws, durations = stored.get("_durations", ((), None))

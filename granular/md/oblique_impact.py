@@ -1,8 +1,8 @@
 """Oblique impact of two frictionless spheres, integrated in its plane.
 
 With the distance r of the centres, l = R₁ + R₂, the overlap ξ = l - r and the tangential speed v_t at first touch:
-m_eff ξ̈ = -max(0, F(ξ, ξ̇)) - m_eff (l v_t)²/r³. The line of centres turns at the rate l v_t/r², and the contact ends as
-soon as F = 0. Elastic and damped forces, and forces with memory, are integrated by scipy's DOP853, first to the largest
+m_eff ξ̈ = -max(0, F(ξ, ξ̇)) - m_eff (l v_t)²/r³. The line of centres turns at the rate l v_t/r². The contact ends when F
+returns to 0. Scipy's DOP853 integrates elastic forces, damped forces and forces with memory, first to the largest
 overlap and then to the end.
 """
 
@@ -21,18 +21,20 @@ from granular.laws.contact_law import PairLaw, no_number
 RELATIVE_TOLERANCE = 1e-13
 """Tolerance of DOP853 relative to the scale of each variable."""
 STEPS_PER_PHASE = 8
-"""Least number of steps of approach and of separation.
+"""Minimum number of steps of approach, and of separation.
 
-With longer steps the end of a short contact could be missed.
+Longer steps could miss the end of a short contact.
 """
 LONGEST_DURATION = 1e3
-"""Largest duration of a contact, relative to that of the head-on impact."""
+"""Maximum duration of a contact, in durations of the head-on impact."""
 
 
 @check.face
 @dataclass(frozen=True)
 class Oblique:
-    """Result of an oblique impact. Hard spheres have rotation 0 and tangential = 1.
+    """Result of an oblique impact.
+
+    Hard spheres have `rotation` = 0 and `tangential` = 1.
 
     Attributes
     ----------
@@ -41,18 +43,20 @@ class Oblique:
     duration : float
         Time in s from the first touch to the end of the force.
     restitution : float
-        ε_n = -(v'·n₀)/(v·n₀), with the relative velocity v before and v' after the contact and the line of centres n₀
-        at first touch. It can be negative.
+        ε_n = -(v'·n₀)/(v·n₀), with the relative velocities v before and v' after the contact, and the unit vector n₀
+        along the line of centres at first touch. It can be negative.
     tangential : float
-        ε_t = (v'·t₀)/(v·t₀), with the tangent t₀ at first touch. For a head-on impact it is the limit for small
+        ε_t = (v'·t₀)/(v·t₀), with the unit tangent t₀ at first touch. For a head-on impact it is the limit for small
         tangential speeds.
     radial : float
-        Restitution along the line of centres at the end of the contact.
+        Separation speed along the line of centres at the end of the contact, over the normal speed at first touch.
     deviation : float
-        |v' - v'_hard|/|v|. Hard spheres have the restitution of the head-on impact at the same normal speed.
+        |v' - v'_hard|/|v|, where v'_hard is the velocity after a hard collision with the restitution of the head-on
+        impact at the same normal speed.
     estimate : float
-        Closed form (2 v_t/(ω l)) atan(ω l v_n/v_t²) of `rotation` in rad, with ω = π/t_c and the duration t_c of the
-        head-on impact. It holds for undamped springs and small overlaps.
+        Estimate (2 v_t/(ω l)) atan(ω l v_n/v_t²) of `rotation` in rad. v_n and v_t are the normal and tangential speed
+        in m/s at first touch, l = R₁ + R₂ in m, and ω = π/t_c with the duration t_c in s of the head-on impact. It is
+        valid for undamped springs and small overlaps.
     xi_max : float
         Largest overlap in m.
     """
@@ -68,7 +72,7 @@ class Oblique:
 
 
 def oblique_impact(law: PairLaw, hit: Any, distance: float, normal: float, tangential: float) -> Oblique:
-    """Compute an oblique impact.
+    """Compute an oblique impact from its head-on impact.
 
     Parameters
     ----------
@@ -91,7 +95,7 @@ def oblique_impact(law: PairLaw, hit: Any, distance: float, normal: float, tange
     time, xi, rate, swept = map(float, end)
     angle, turned = tangential * swept, tangential * distance / (distance - xi)
     normal_after = rate * math.cos(angle) + turned * math.sin(angle)
-    # sin α / v_t has a limit for a head-on impact
+    # sin(α)/v_t, which has a limit for a head-on impact
     tangential_ratio = distance / (distance - xi) * math.cos(angle) - rate * swept * float(np.sinc(angle / math.pi))
     hard_error = normal_after + hit.restitution * normal, tangential * (tangential_ratio - 1.0)
     return Oblique(angle, time, -normal_after / normal, tangential_ratio, -rate / normal,
@@ -107,13 +111,13 @@ def _phase(law: PairLaw, start: Any, spin: float, distance: float, units: tuple[
     Parameters
     ----------
     start : sequence of float
-        Initial state.
+        Initial state, including the time.
     spin : float
         l v_t in m²/s, the angular momentum per effective mass.
     distance : float
         R₁ + R₂ in m.
     units : tuple of float
-        Scales of overlap, rate and ∫ l/r² dt.
+        Scales of the overlap in m, its rate in m/s, and ∫ l/r² dt in s/m.
     expected : float
         Estimated duration in s of the contact.
     deepest : float or None
@@ -133,7 +137,7 @@ def _phase(law: PairLaw, start: Any, spin: float, distance: float, units: tuple[
 
     def end(_: float, state: Array) -> float:
         xi, rate = float(state[0]), float(state[1])
-        # without overlap the force is continued by a negative number, so that an elastic contact ends at its zero
+        # continue the force by a negative number without overlap, so that elastic contacts also end at a change of sign
         return rate if deepest is None else force(xi, rate) if xi > 0.0 else xi
 
     end.terminal, end.direction = True, -1.0  # type: ignore[attr-defined]

@@ -141,7 +141,7 @@ class Scene(ByNumbers):
         return Scene(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
 
     def _with_valid_gaps(self, gap: Array) -> Scene:
-        """Return a copy with other gaps, which are not checked.
+        """Return a copy with other gaps, without checking them.
 
         The copy keeps cached properties that do not depend on the gaps.
         """

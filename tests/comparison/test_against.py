@@ -55,7 +55,7 @@ def offset_is_found(name, engine, rng, samples):
     balls = ~scene.is_wall
     difference = getattr(apart, engine)[:, balls]
     assert np.isnan(difference[~known]).all()
-    # a sample within a stiff contact changes fast
+    # the state changes fast during a stiff contact
     assert np.abs(difference[known]).max(initial=0.0) < 1e-8
     assert not apart.notes
     assert f"Clock: their t = {apart.offset:.9g} s is t = 0 of the scene" in str(apart)
@@ -76,7 +76,7 @@ def test_clocks_are_found_to_rounding_over_scenes_and_samples(name, engine):
 
 
 def test_a_first_sample_in_the_initial_state_gives_the_clock_of_balls_that_touch():
-    """No offset makes the models agree with (-1/3, 0, 0, 2/3, 2/3); and the answer says whose fault it is not."""
+    """No offset makes a model agree with (-1/3, 0, 0, 2/3, 2/3), and the report states that this is not an error."""
     scene = gr.Scene([1.0] * 5, [0.05] * 5, [0.0] * 4, [1.0, 0.0, 0.0, 0.0, 0.0])
     after = np.array([-1.0, 0.0, 0.0, 2.0, 2.0]) / 3.0
     other = gr.Trajectory.from_arrays(scene, [0.7, 0.8], position=scene.position + np.outer([0.0, 0.1], after),
@@ -90,7 +90,7 @@ def test_a_first_sample_in_the_initial_state_gives_the_clock_of_balls_that_touch
     assert np.allclose(apart.velocity[:, 1, 3], [2 / 3, 0.0, 0.296218], atol=1e-6)
 
 
-def test_nothing_that_moves_has_no_clock_and_one_before_the_scene_is_unknown_there():
+def test_a_run_without_motion_has_no_clock_and_one_before_the_scene_is_unknown_there():
     rest = gr.Scene([1.0, 2.0], [0.1, 0.1], [0.5], [0.0, 0.0])
     report = gr.compare(rest, gr.LinearDashpot(1e5), t_end=1.0)
     still = gr.Trajectory.from_arrays(rest, [-1.0, 0.5], gap=[[0.5]] * 2, velocity=np.zeros((2, 2)))
@@ -107,7 +107,7 @@ def test_nothing_that_moves_has_no_clock_and_one_before_the_scene_is_unknown_the
     ({"velocity": [0.0, 1.0]}, r"the velocity of ball 1 is 1 m/s, not 0 \(hard\) or 0 \(soft\)\."),
 ])
 @pytest.mark.parametrize("engine", ["hard", "soft"])
-def test_shifted_positions_and_a_first_sample_that_contradicts_the_scene_are_said(altered, sentence, engine):
+def test_shifted_positions_and_a_first_sample_that_contradicts_the_scene_are_reported(altered, sentence, engine):
     run = run_of(REPORT, engine, np.linspace(0.0, 2.0, 61))
     assert not REPORT.against(theirs(run)).notes
     apart = REPORT.against(theirs(run, **altered))
@@ -126,12 +126,12 @@ def test_a_table_has_the_numbers_side_by_side_with_units_in_80_columns():
     assert "velocity of ball 11, m/s" in text
     assert "gap 11–12, m" in text
     assert "gap 12–13, m" not in text
-    assert "(8 balls that are nearer not shown)" in text
+    assert "(8 balls with smaller differences not shown)" in text
     assert re.search(r"^ball 0, soft +1 +0 +0  never$", text, re.M)
 
 
 def falling(drag, rate=60.0, noise=0.0, seed=0):
-    """Positions of a ball from 1 m with restitution 0.8, by a thousand semi-implicit steps per second and more."""
+    """Positions of a ball dropped from 1 m with restitution 0.8, from at least 1000 semi-implicit steps per second."""
     height, speed, heights, steps = 1.0, 0.0, [], 40
     for _ in range(int(1.5 * rate)):
         heights.append(height)
@@ -147,17 +147,18 @@ def falling(drag, rate=60.0, noise=0.0, seed=0):
 
 @pytest.mark.parametrize(("drag", "noise", "said"), [(0.0, 0.0, 0), (0.0, 1e-3, 0), (0.0, 5e-3, 0), (0.1, 0.0, 1),
                                                      (0.1, 1e-3, 1), (1.0, 1e-3, 1)])
-def test_a_flight_that_is_not_a_parabola_is_said(drag, noise, said):
+def test_a_flight_that_is_not_a_parabola_is_reported(drag, noise, said):
     notes = [note for note in REPORT.against(falling(drag, noise=noise)).notes if "flight" in note]
     assert len(notes) == said
     for note in notes:
-        first, last = map(float, re.search(r"goes from (\S+) to (\S+) m/s²\. Neither model has drag\.$", note).groups())
+        found = re.search(r"changes from (\S+) to (\S+) m/s²\. Neither model has drag\.$", note)
+        first, last = map(float, found.groups())
         assert first < last  # more than g on the way up, and less on the way down
 
 
 @pytest.mark.parametrize("count", [100, 1000])
-def test_balls_at_rest_and_in_flight_are_no_drag_however_densely_they_are_sampled(count):
-    """The positions of a ball at rest have rounding errors that are no noise."""
+def test_balls_at_rest_and_in_flight_do_not_show_drag_at_any_sampling_rate(count):
+    """Rounding errors of the positions of a ball at rest are not noise."""
     scene = gr.Scene([1.0] * 20, [0.01] * 20, [1e-4] * 19, [1.0] + [0.0] * 19)
     report = gr.compare(scene, gr.Hertz(1e9))
     times = np.linspace(0.0, float(report.soft.time[-1]), count)
@@ -166,8 +167,8 @@ def test_balls_at_rest_and_in_flight_are_no_drag_however_densely_they_are_sample
 
 
 @pytest.mark.parametrize("digits", [2, 4])
-def test_rounded_positions_are_no_drag(digits):
-    """A slow ball stands on each of the recorded positions for several samples."""
+def test_rounded_positions_do_not_show_drag(digits):
+    """A slow ball has the same rounded position in several successive samples."""
     scene = gr.Scene([1.0] * 3, [0.05] * 3, [0.3, 0.2], [1.0, 0.02, -0.02])
     report = gr.compare(scene, gr.LinearDashpot(1e6, 100.0), t_end=1.0)
     run = run_of(report, "soft", np.linspace(0.0, 1.0, 400))
@@ -176,7 +177,7 @@ def test_rounded_positions_are_no_drag(digits):
 
 
 @pytest.mark.soak
-def test_noise_and_sampling_alone_are_no_drag():
+def test_noise_and_sampling_alone_do_not_show_drag():
     rng = np.random.default_rng(9)
     for seed in range(100):
         other = falling(0.0, rate=float(rng.uniform(20.0, 240.0)), noise=10.0 ** rng.uniform(-6.0, -2.0), seed=seed)
@@ -194,7 +195,7 @@ def test_a_held_ball_that_is_filmed_has_the_clock_of_its_release():
     assert not apart.notes
 
 
-def test_recorded_bounces_are_held_against_both_engines():
+def test_recorded_bounces_are_compared_with_both_engines():
     onsets = np.sort(REPORT.hard.contacts["t_begin"])[:3]
     tops = [REPORT.rises(k)[0] for k in (1, 2)]
     found = REPORT.against_bounces(np.cumsum([0.0, *np.diff(onsets)]), tops)
@@ -204,8 +205,8 @@ def test_recorded_bounces_are_held_against_both_engines():
     assert np.array_equal(found.heights[:2], [tops, tops])
     assert found.heights[2] == pytest.approx([REPORT.rises(k)[1] for k in (1, 2)])
     words = " ".join(str(found).split())
-    assert "bounce, t in s theirs hard soft less hard less soft 1 0.451524 0.451524 0.451524 " in words
-    assert f"bounce, height in m theirs hard soft less hard less soft 1 {tops[0]:.6g} {tops[0]:.6g} 0.7367" in words
+    assert "bounce, t in s theirs hard soft minus hard minus soft 1 0.451524 0.451524 0.451524 " in words
+    assert f"bounce, height in m theirs hard soft minus hard minus soft 1 {tops[0]:.6g} {tops[0]:.6g} 0.7367" in words
     assert max(map(len, str(found).splitlines())) <= 80
     assert REPORT.against_bounces(onsets).offset == 0.0
 

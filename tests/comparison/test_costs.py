@@ -1,4 +1,4 @@
-"""Cost of an answer in calls of this package, which do not depend on the load of the machine."""
+"""Cost of an answer in function calls of this package, which does not depend on the load of the machine."""
 
 import pytest
 
@@ -22,8 +22,8 @@ def scenes():
 
 @pytest.mark.parametrize(("scene", "law", "end"), list(scenes()))
 def test_an_answer_costs_at_most_three_and_a_half_times_its_runs(scene, law, end):
-    """Another hard run from shifted gaps is part of it, and for touching balls runs under other tie rules. The factor
-    was 5.1 to 6.5 before results were stored with their runs."""
+    """The cost includes a hard run from shifted gaps, and runs under other tie rules for touching balls. The factor
+    was 5.1 to 6.5 before results were cached in their runs."""
     pytest.importorskip("numba")
     rule = gr.compare(scene, law, engine="compiled", **end).rule
     hard = calls(lambda: gr.edmd.simulate(scene, rule, **end))
@@ -35,14 +35,14 @@ def test_an_answer_costs_at_most_three_and_a_half_times_its_runs(scene, law, end
 
 
 def test_a_measure_costs_no_other_measure(monkeypatch):
-    """A map of the shared impulse needs no second hard run, which the measure "predictability" does."""
+    """A map of the shared impulse does not require a second hard run, unlike the measure "predictability"."""
     runs = []
     simulate = gr.edmd.simulate
     monkeypatch.setattr("granular.comparison.answer.edmd.simulate", lambda *a, **o: runs.append(1) or simulate(*a, **o))
     for name, expected in (("shared_impulse", 0), ("error", 0), ("crowding", 0), ("predictability", 1), ("answer", 1)):
         runs.clear()
         gr.sweep("three-balls", {"gap": [1e-3]}, name)
-        assert len(runs) - 1 == expected, name  # the hard run of the comparison itself
+        assert len(runs) - 1 == expected, name  # without the hard run of the comparison itself
 
 
 def test_answers_of_a_sweep_are_those_of_comparisons():

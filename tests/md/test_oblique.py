@@ -1,4 +1,4 @@
-"""Oblique impacts: numbers of a prototype, an independent integration in Cartesian coordinates, invariants, limits."""
+"""Oblique impacts: values of a prototype, independent integration in Cartesian coordinates, invariants and limits."""
 
 import math
 
@@ -172,7 +172,7 @@ def test_grazing_impacts_turn_by_the_chord_through_the_overlap():
 
 
 def mean_rotation(law):
-    """Mean over the squared impact parameter by 24 Gauss points, as in the prototype. Their error is up to 2e-4."""
+    """Mean over the squared impact parameter from 24 Gauss points, as in the prototype. The error is up to 2e-4."""
     node, weight = np.polynomial.legendre.leggauss(24)
     return sum(0.5 * w * oblique(law, PAIR, 1.0, math.sqrt(0.5 - 0.5 * u), math.sqrt(0.5 + 0.5 * u)).rotation
                for u, w in zip(node.tolist(), weight.tolist(), strict=True))
@@ -189,7 +189,7 @@ def test_means_over_impact_parameters():
 
 
 def test_real_grains_are_hard():
-    """Glass spheres of 1 mm at 45°; the prototype has two digits at most."""
+    """Glass spheres of 1 mm at 45°. The prototype has at most two digits."""
     glass, r = gr.materials.glass, 0.5e-3
     pair = gr.Pair(0.5 * 4.0 / 3.0 * math.pi * r**3 * glass.density, 0.5 * r, 0)
     law = gr.Hertz.from_material(*glass, pair)
