@@ -1,8 +1,8 @@
-"""Processor time of an answer and of a printed report, over that of the two runs.
+"""Processor time of an answer and of a printed report, relative to its two runs.
 
 `python bench/answers.py` prints a table for four scenes. The hard run (sorted engine), the soft run, the answer and the
-report are timed in turns, so that the load of the machine changes all of them alike. The median of many rounds counts.
-An answer includes a further hard run from shifted gaps, and for touching balls runs under other tie rules.
+report are timed in turns, so that the load of the machine affects all of them equally. The result is the median of many
+rounds. An answer includes a further hard run from shifted gaps, and for touching balls runs under other tie rules.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import granular as gr
 
 ROUNDS, WARMING_ROUNDS = 60, 400
-"""Numbers of timed rounds, and of rounds before them that load compiled code."""
+"""Number of timed rounds, and of earlier rounds that load compiled code."""
 
 
 def dashpots(scene: gr.Scene, restitution: float, k: float) -> list[Any]:
@@ -25,7 +25,7 @@ def dashpots(scene: gr.Scene, restitution: float, k: float) -> list[Any]:
 
 
 def scenes() -> Iterator[tuple[str, gr.Scene, Any, dict[str, Any]]]:
-    """Yield name, scene, laws and end of the four scenes."""
+    """Yield name, scene, laws and end condition of the four scenes."""
     drop, stack, gas = gr.scenes.three_balls(gap=1e-4), gr.scenes.ball_stack(4), gr.scenes.gas(20)
     separated = {"until": gr.until.separated()}
     yield "base scene", drop, dashpots(drop, 0.7, 5e7), {"until": gr.until.contact(pair=0, nth=2)}
@@ -35,7 +35,7 @@ def scenes() -> Iterator[tuple[str, gr.Scene, Any, dict[str, Any]]]:
 
 
 def milliseconds(parts: list[Callable[[], object]]) -> list[float]:
-    """Median processor time of each part in ms, measured in turns."""
+    """Median processor time of each part in ms, with the parts timed in turns."""
     times: list[list[float]] = [[] for _ in parts]
     for _ in range(ROUNDS):
         for part, spent in zip(parts, times, strict=True):

@@ -90,7 +90,7 @@ def waves() -> Any:
 
 
 def oblique() -> Any:
-    """Data of the figure in docs/theory/oblique.md at few points.
+    """Data of the figure in docs/theory/oblique.md at a few points.
 
     The ensembles of its last panel are stored in bench/threed/results.json.
     """

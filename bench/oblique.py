@@ -1,6 +1,6 @@
-"""Figure of oblique.md: oblique impacts, and means of soft spheres over B.
+"""Figure of oblique.md: oblique impacts, and errors of means against B.
 
-`python bench/oblique.py` writes docs/figures/oblique.png. The ensembles of the second panel are stored by
+`python bench/oblique.py` writes docs/figures/oblique.png. The ensembles of the third panel are stored by
 `bench/threed/ensembles.py`.
 """
 
@@ -25,14 +25,14 @@ MARKERS = "os^vDP"
 
 
 def impact_laws() -> dict[str, Any]:
-    """Force laws of the first panel with the same contact duration."""
+    """Force laws of the first two panels, with equal contact durations."""
     duration = gr.binary.collision(gr.Hertz(1.0), IMPACT_PAIR, 1.0).duration
     return {"spring": gr.LinearDashpot(0.5 * (math.pi / RELATIVE_DURATION) ** 2),
             "Hertz": gr.Hertz((duration / RELATIVE_DURATION) ** 2.5)}
 
 
 def compute(points: int) -> dict[str, Any]:
-    """Rotation and normal restitution over the angle of impact."""
+    """Rotation and normal restitution as functions of the angle of impact."""
     angles = np.linspace(0.0, 89.9, points)
     found: dict[str, Any] = {"angle": angles.tolist()}
     for name, law in impact_laws().items():
@@ -44,7 +44,7 @@ def compute(points: int) -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any]) -> Any:
-    """Draw rotation and restitution over the angle, and errors of means over B."""
+    """Plot rotation and restitution against the angle, and errors of means against B."""
     figure, axes = canvas(2.0 * COLUMN_WIDTH, 0.9 * COLUMN_WIDTH, 1, 3)
     turned, normal, errors = axes[0]
     for name, colour in (("spring", SOFT_COLOUR), ("Hertz", HARD_COLOUR)):

@@ -1,1 +1,1 @@
-"""Soft and hard spheres in three dimensions, to calibrate `gr.contacts`."""
+"""Soft and hard spheres in three dimensions, for the calibration of `gr.contacts`."""

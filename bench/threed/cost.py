@@ -1,4 +1,6 @@
-"""Time and memory of `gr.contacts.analyse` for 10⁷ contacts of 10⁶ particles.
+"""Run time and memory of `gr.contacts.analyse`, for 10 contacts per particle.
+
+The argument is the number of contacts:
 
     python -m bench.threed.cost 1e7
 """
@@ -17,7 +19,7 @@ PARTICLES_PER_CONTACT, OCCUPATION = 0.1, 0.09
 
 
 def random_list(n: int, seed: int = 1) -> tuple[dict[str, np.ndarray], int, float]:
-    """Random contacts of duration 0.9 to 1.1 in the order of their ends."""
+    """Random contacts of duration 0.9 to 1.1, sorted by their ends."""
     random, particles = np.random.default_rng(seed), int(n * PARTICLES_PER_CONTACT)
     span = 2.0 * n / (particles * OCCUPATION)
     i, j = random.integers(0, particles, n), random.integers(1, particles, n)

@@ -1,6 +1,6 @@
 """Calibration of B = s + Z/2: means of soft and of hard spheres.
 
-Both start from the same states, hard spheres in equilibrium.
+Both runs start from the same state of hard spheres in equilibrium.
 
     python -m bench.threed.ensembles            all ensembles, about 20 minutes on one core
     python -m bench.threed.ensembles sheared    one group
@@ -26,7 +26,7 @@ from granular.studies import contacts
 RESULTS_PATH = Path(__file__).parent / "results.json"
 N_SPHERES, RESTITUTION, COLLISIONS_PER_SPHERE = 500, 0.9, 10.0
 STEADY_TIME, SHEAR_TIME = 6.0, 10.0
-"""Time until shear flow is steady, and time of the means, at the shear rate 1."""
+"""Time until shear flow is steady, and averaging time, at the shear rate 1."""
 GROUPS: dict[str, list[dict[str, Any]]] = {
     "φ = 0.05": [{"packing": 0.05, "occupation": z, "seeds": 24} for z in (0.01, 0.03)],
     "φ = 0.2": [{"packing": 0.2, "occupation": z, "seeds": 24} for z in (0.02, 0.06)],
@@ -37,7 +37,7 @@ GROUPS: dict[str, list[dict[str, Any]]] = {
 }
 """Packing fraction, Z of equal spheres at T = 1, and number of seeds.
 
-Also the fraction of small spheres and the shear rate, if there are any.
+Some groups also have a fraction of small spheres or a shear rate.
 """
 
 
@@ -60,7 +60,7 @@ def hard_means(state: tuple[Any, ...], time: float, shear: float) -> dict[str, f
 def soft_means(state: tuple[Any, ...], time: float, shear: float, duration: float) -> tuple[dict[str, float], Any]:
     """Means of soft spheres, and their contacts.
 
-    `duration` is that of a contact of two spheres of mass 1.
+    `duration` is the contact duration of two spheres of mass 1.
     """
     (x, v), (radius, mass, box), start = (one.copy() for one in state[:2]), state[2:], 0.0
     pair = gr.Pair(m_eff=0.5, r_eff=0.25, index=0)
@@ -80,7 +80,7 @@ def soft_means(state: tuple[Any, ...], time: float, shear: float, duration: floa
 
 def means(count: int, virial: float, stress: float, heat: float, before: float, after: float, elastic: float,
           shear: float) -> dict[str, float]:
-    """Means that are compared, in the steady state or of a cooling gas."""
+    """Compared means, of steady shear flow or of a cooling gas."""
     shared = {"collisions": count, "collisional pressure": virial}
     return shared | ({"temperature": heat, "shear stress": stress} if shear else {
         "energy lost": before - after - elastic, "cooling rate": math.log(before / after)})
@@ -111,7 +111,7 @@ def jackknife(pairs: list[list[float]]) -> list[float]:
 
 
 def main() -> None:
-    """Compute the named groups, or all."""
+    """Compute the groups named on the command line, or all groups."""
     for name in sys.argv[1:] or GROUPS:
         rows = []
         for options in GROUPS[name]:

