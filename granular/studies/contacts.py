@@ -116,7 +116,7 @@ class Contacts(Report):
             f"{number(math.pi * self.relative_overlap, '.3g')}, B = s + Z/2 = {number(self.deviation, '.3g')}.",
             f"{percent(self.disturbed_share)} of {len(self.disturbed)} contacts of {self.particles} particles are "
             f"disturbed, {percent(self.shared_impulse)} of the impulse is shared, and the largest cluster has "
-            f"{max(self.clusters)} contacts. Relative to undisturbed contacts, the mean duration is "
+            f"{_counted(max(self.clusters))}. Relative to undisturbed contacts, the mean duration is "
             f"{number(self.relative_duration, '.3g')}.",
             CALIBRATION, *self.notes])
 
@@ -149,7 +149,7 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
         Number of particles of the run, without walls. Defaults to the number of particles with a contact.
     span : float or (float, float), optional
         Start and end of the run in s. A single number is the end of a run that starts at 0. Defaults to the first onset
-        and the last end.
+        and the last onset or end. Give it if contacts have no end, because their durations depend on it.
     walls : sequence of int
         Numbers of bodies in `i` and `j` that are walls. Contacts with the same wall do not disturb each other. Defaults
         to none.
@@ -207,7 +207,13 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
         max(1.0 - float(alone) / (float(push.sum()) or math.nan), 0.0), durations,
         math.nan if disturbed.all() else float(np.median(durations[~disturbed])), pause[pause > 0.0],
         dict(zip(size.tolist(), number_of.tolist(), strict=True)), int(is_open.sum()),
-        (*notes, *[lone] * (particles is None), *[f"{is_open.sum()} contacts have no end."] * bool(is_open.any())))
+        (*notes, *[lone] * (particles is None),
+         *[f"{_counted(int(is_open.sum()))} without an end."] * bool(is_open.any())))
+
+
+def _counted(n: int) -> str:
+    """Return a number of contacts as text."""
+    return f"{n} contact{'s' * (n != 1)}"
 
 
 def _bodies(i: ArrayLike, j: ArrayLike, shape: tuple[int, ...]) -> Ints:

@@ -219,7 +219,7 @@ def test_the_statement(changes, statement):
 
 def test_notes_of_the_report():
     assert "Z is a mean over the 100 particles of the list" in str(gas(particles=None))
-    assert "3 contacts have no end." in str(gas(end=np.where(np.arange(50) < 3, np.nan, 1.0)))
+    assert "3 contacts without an end." in str(gas(end=np.where(np.arange(50) < 3, np.nan, 1.0)))
     assert "seen by eye" in str(gas(notes=["seen by eye"]))
     assert gas(end=np.where(np.arange(50) < 3, np.nan, 1.0)).durations[0] == 100.0
 
