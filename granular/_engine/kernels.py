@@ -54,9 +54,9 @@ HUNG: bool = False
 RING: bool = False
 """The balls are on a ring: the last ball and the first ball are a pair."""
 METERED: bool = False
-"""The energy of each contact is integrated.
+"""Whether the energy of each contact is integrated.
 
-This costs up to a fifth of the run time of a damped chain, so that it is done on request only.
+This costs up to a fifth of the run time of a damped chain, so it is done only on request.
 """
 FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING", "METERED"})
 """Names of the flags. `fitted` accepts them for every kernel."""
