@@ -89,7 +89,7 @@ class TabulatedRestitution:
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
     @classmethod
-    def from_intervals(cls, intervals: Any, gravity: float = 9.81, *, sigma_t: float = 0.0) -> TabulatedRestitution:
+    def from_intervals(cls, times: Any, gravity: float = 9.81, *, sigma_t: float = 0.0) -> TabulatedRestitution:
         """Return the table of a bouncing ball from the intervals between its bounces.
 
         An interval T is one flight, which starts and ends at the speed g T/2. The restitution of the bounce between two
@@ -98,9 +98,9 @@ class TabulatedRestitution:
 
         Parameters
         ----------
-        intervals : (k+1,) array
-            Times in s between successive bounces, as an acoustic stopwatch shows them. Each is shorter than the one
-            before it, and k ≥ 2. Convert times of bounces with ``numpy.diff(times)``.
+        times : (k+1,) array
+            Intervals in s between successive bounces, as an acoustic stopwatch shows them. Each is shorter than the one
+            before it, and k ≥ 2. Convert times of bounces with ``numpy.diff``.
         gravity : float
             g in m/s². Defaults to 9.81.
         sigma_t : float
@@ -118,8 +118,8 @@ class TabulatedRestitution:
             If there are fewer than 3 intervals, if they do not decrease, or if an argument is not valid.
         """
         g, sigma = check.number("gravity", gravity, above=0.0), check.number("sigma_t", sigma_t, at_least=0.0)
-        late = sigma * np.diff(np.eye(np.size(intervals) + 1), axis=0)
-        return cls._of_ratios("intervals", intervals, 1.0, lambda t: 0.5 * g * t, late @ late.T,
+        late = sigma * np.diff(np.eye(np.size(times) + 1), axis=0)
+        return cls._of_ratios("times", times, 1.0, lambda t: 0.5 * g * t, late @ late.T,
                               "If these are times of bounces, use numpy.diff(times).")
 
     @classmethod
@@ -163,7 +163,7 @@ class TabulatedRestitution:
         messages. `fix` is the last sentence of the message about an entry that is not smaller than the one before it.
         """
         y = check.positive(name, series, "number")
-        check.raise_if_true({check.must(name, f"an array of at least 3 {name}, before, between and after two bounces",
+        check.raise_if_true({check.must(name, "an array of at least 3 entries, before, between and after two bounces",
                                         f"{len(y)}"): len(y) < 3})
         check.every(name, y, np.diff(y, prepend=math.inf) < 0.0, "smaller than the entry before it (ε < 1)", fix)
         e = (y[1:] / y[:-1]) ** power

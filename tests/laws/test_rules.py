@@ -153,13 +153,13 @@ def test_a_table_that_is_not_measured_has_no_errors() -> None:
 
 @pytest.mark.parametrize(("make", "sentence"), [
     (lambda: TabulatedRestitution.from_intervals([0.4, 0.3]),
-        r"^`intervals` must be an array of at least 3 intervals, before, between and after two bounces, got 2\.$"),
+        r"^`times` must be an array of at least 3 entries, before, between and after two bounces, got 2\.$"),
     (lambda: TabulatedRestitution.from_heights([1.0, 0.8]),
-        r"^`heights` must be an array of at least 3 heights, before, between and after two bounces, got 2\.$"),
+        r"^`heights` must be an array of at least 3 entries, before, between and after two bounces, got 2\.$"),
     (lambda: TabulatedRestitution.from_intervals([0.4, 0.3, 0.31, 0.2]),
-        r"^`intervals\[2\]` must be smaller than the entry before it \(ε < 1\), got 0\.31\. If these are times of "
+        r"^`times\[2\]` must be smaller than the entry before it \(ε < 1\), got 0\.31\. If these are times of "
         r"bounces, use numpy\.diff\(times\)\.$"),
-    (lambda: TabulatedRestitution.from_intervals([0.4, 0.7, 0.9, 1.0]), r"^`intervals\[1\]` must be smaller .*diff"),
+    (lambda: TabulatedRestitution.from_intervals([0.4, 0.7, 0.9, 1.0]), r"^`times\[1\]` must be smaller .*diff"),
     (lambda: TabulatedRestitution.from_heights([1.0, 0.5, 0.6]),
         r"^`heights\[2\]` must be smaller than the entry before it \(ε < 1\), got 0\.6\. The drop height is the "
         r"first\.$"),
