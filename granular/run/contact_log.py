@@ -117,7 +117,9 @@ class LazyContacts:
             return log
 
         def __getstate__(self) -> dict[str, Any]:
-            return vars(self) | {"state": self.state, "kept": None, "again": None}
+            # stored results of comparisons begin with "_"; some are functions, which cannot be pickled
+            stored = {name: value for name, value in vars(self).items() if not name.startswith("_")}
+            return stored | {"state": self.state, "kept": None, "again": None}
 
 
 def in_order(log: Rows) -> Rows:

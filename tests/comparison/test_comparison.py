@@ -1,7 +1,9 @@
 """The main job: one scene under both engines, the discrepancy, and how it is told."""
 
+import copy
 import json
 import math
+import pickle
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -214,3 +216,15 @@ def test_balls_that_never_meet_have_a_report_too():
     scene = gr.Scene([1.0, 2.0, 1.0], [0.1] * 3, [0.1, 0.1], [-1.0, 0.0, 1.0])
     groups = gr.compare(scene, gr.LinearDashpot(1e5, 10.0), t_end=1.0).to_dict()["groups"]
     assert (groups["mass_ratio"], groups["gap_omega_over_speed"]) == (2.0, None)
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))],
+                         ids=["copy", "deepcopy", "pickle"])
+def test_a_report_and_its_runs_can_be_copied_and_sent_to_another_process(report, again):
+    """What a comparison stores in its runs stays behind."""
+    assert str(report)
+    assert str(again(report)) == str(report)
+    for run in (report.hard, report.soft, *report.continued, *report.counted):
+        back = again(run)
+        assert back.contacts.tobytes() == run.contacts.tobytes()
+        assert not [name for name in vars(back) if name.startswith("_")]
