@@ -20,10 +20,11 @@ SI_FACTORS = {
 """Factor to the SI unit for each unit that a header can contain."""
 CLOCKS = {"t", "time", "zeit", "temps", "tempo", "tiempo", "tijd", "czas"}
 """Names of a first column that contains the times of the rows."""
-NUMBERS = re.compile(r"(?=.*\d)(?:[\s\"';,+\-.\d]|[eE](?=[+\-\d])|nan)+", re.IGNORECASE)
+NUMBERS = re.compile(r"(?=.*(?:\d|nan))(?:[\s\"';,+\-.\d]|[eE](?=[+\-\d])|nan)+", re.IGNORECASE)
 """A line of numbers, which can have empty cells."""
-NAME_AND_UNIT = re.compile(r"^\s*(.*?)[\s/]*(?:[(\[]\s*([^(\[]*?)\s*[)\]]|/\s*([^/]*?))?\s*$")
-"""Header of a column, such as "y (cm)", "y [cm]", "y / cm" or "y"."""
+NAME_AND_UNIT = re.compile(
+    r"^\s*(.*?)[\s/]*(?:[(\[]\s*([^(\[]*?)\s*[)\]]|/\s*([^/()\[\]]*?(?:/[^/()\[\]\s]+)?))?\s*$")
+"""Header of a column, such as "v (cm/s)", "v [cm/s]", "v / cm/s" or "v"."""
 BOUNCE, NEAR_BOUNCE = 5.0, 3.0
 """Minimum change of velocity, in standard errors, that counts as a bounce.
 
@@ -45,13 +46,13 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
     Columns are separated by tabs, semicolons or commas, and numbers have a decimal point or a decimal comma. The
     header is the last line above the numbers, such as ``"Time (s)","Height (cm)"`` or ``t;y / mm``. Lines above it are
     ignored. Times, lengths, speeds and accelerations are converted to SI units. A column without a unit is not
-    converted, and an empty cell is nan.
+    converted, and an empty cell is nan. Rows of empty cells are ignored.
 
     Parameters
     ----------
     path : str or path
         The file.
-    columns : sequence of str, optional
+    columns : str or sequence of str, optional
         Names of the columns to read, without their units. Defaults to all.
 
     Returns
@@ -68,14 +69,20 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
         If the file has no header, a name occurs twice, a column is missing, a unit or a number cannot be read, or times
         do not increase.
     """
-    name = repr(files.checked_source("path", path))
-    lines = [line for line in Path(path).read_text("utf-8-sig", "replace").splitlines() if line.strip()]
+    name, data = repr(files.checked_source("path", path)), Path(path).read_bytes()
+    text = data.decode("utf-8-sig", "replace")
+    if "\N{REPLACEMENT CHARACTER}" in text:  # spreadsheets also write the encoding of Western Europe
+        text = data.decode("cp1252", "replace")
+    lines = [line for line in text.splitlines() if line.strip(' \t;,"')]
     is_numeric = [bool(NUMBERS.fullmatch(line)) for line in lines]
     start = is_numeric.index(True) if any(is_numeric) else 0
     if start == 0 or not all(is_numeric[start:]):
         got = repr(lines[start + is_numeric[start:].index(False)]) if start else "no line of names above numbers"
         raise ValueError(f"File {name} must have a line with the names of the columns and, below it, lines of numbers "
                          f"only, got {got}.")
+    for line in lines[start - 1:]:
+        if line.count('"') % 2:
+            raise ValueError(f"File {name} must have pairs of quotation marks in each line, got {line!r}.")
     separator = next((s for s in "\t;," if s in lines[start - 1]), "\t")
     header, *rows = csv.reader([lines[start - 1].rstrip(separator), *lines[start:]], delimiter=separator)
     titles, *units = zip(*[NAME_AND_UNIT.findall(cell)[0] for cell in header], strict=True)
@@ -83,9 +90,10 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
         f"File {name} has the same name {titles} for several columns; rename them.": len(set(titles)) < len(titles),
         f"File {name} has rows with more cells than its header {titles}.": any(
             cell.strip() for row in rows for cell in row[len(titles):])})
-    check.known_names(columns or (), titles, f"column of {name}")
+    wanted = check.several("columns", columns, "the name of a column, or several") if columns is not None else titles
+    check.known_names(wanted, titles, f"column of {name}")
     found = {}
-    for title in columns or titles:
+    for title in wanted:
         k = titles.index(title)
         unit, others = units[0][k] or units[1][k], [other for other in titles if other != title]
         check.raise_if_true({check.misuse(

@@ -24,6 +24,10 @@ FILES = {
                                 {"t": [0.0, 0.5], "y": [1.0371, 1.0344], "x": [0.0034, math.nan]}),
     "stopwatch, one column": ("Time (s)\n0,46\n0,37\n0,29\n", {"Time": [0.46, 0.37, 0.29]}),
     "stopwatch, one row": ("Time 1 (s)\tTime 2 (s)\n0.46\t0.37\n", {"Time 1": [0.46], "Time 2": [0.37]}),
+    "units with a slash": ("t / s;v / cm/s;dy/dt / km/h;a / m/s²;dx/dt / (mm/s)\n0;10;36;5;1\n",
+                           {"t": [0.0], "v": [0.1], "dy/dt": [10.0], "a": [5.0], "dx/dt": [0.001]}),
+    "rows without numbers": ('"Interval (ms)"\n460\nNaN\n""\n298\n', {"Interval": [0.46, math.nan, 0.298]}),
+    "rows of a spreadsheet": ("t;y (cm);\n0;1;\n;;\n1;2;\n;;\n;;\n", {"t": [0.0, 1.0], "y": [0.01, 0.02]}),
     "quoted decimal commas": ('t / min,v / (km/h)\n"0,5","36"\n"1","-3,6"\n', {"t": [30.0, 60.0], "v": [10.0, -1.0]}),
 }
 
@@ -39,11 +43,20 @@ def test_a_file_is_read_in_si_units(name, tmp_path):
         assert not found[title].flags.writeable
 
 
+def test_the_encoding_of_western_europe_is_read(tmp_path):
+    (tmp_path / "file.csv").write_bytes("Zeit (µs);Höhe (cm)\n1;2\n".encode("cp1252"))
+    found = gr.read_recording(tmp_path / "file.csv")
+    assert {name: values.tolist() for name, values in found.items()} == {"Zeit": [1e-6], "Höhe": [0.02]}
+
+
 def test_columns_come_in_the_order_in_which_they_are_given(tmp_path):
     path = tmp_path / "file.csv"
     path.write_text("t,p (hPa),y (mm),x\n1,2,3,4\n")
     x, y = gr.read_recording(path, ["x", "y"]).values()
     assert (x, y) == (4.0, 0.003)
+    assert list(gr.read_recording(path, "x")) == ["x"]
+    with pytest.raises(TypeError, match=r"^Every entry of `columns` must be the name of a column, got 0\.$"):
+        gr.read_recording(path, [0])
 
 
 WRONG = {
@@ -57,6 +70,8 @@ WRONG = {
     "t,y,y\n1,2,3\n": "has the same name ('t', 'y', 'y') for several columns; rename them.",
     "t,y\n0,1\n1,2..5\n": "must have numbers in column 'y', got '2..5'.",
     "t,y (px)\n1,2\n": "The unit of column 'y' must be one of s, ms, µs, ",
+    't,"y\n(cm)"\n0,1\n': "must have pairs of quotation marks in each line, got '(cm)\"'.",
+    't,y\n0,"1\n1,2\n': "must have pairs of quotation marks in each line, got '0,\"1'.",
     "t,y\n1,2\n3,4\n2,5\n": "`t[2]` must be a time in s after the one in the row before it, got 2.0. Sort the rows by "
                             "time.",
     "t,y\n1,2\n1,4\n": "`t[1]` must be a time in s after",
