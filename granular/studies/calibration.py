@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -109,16 +111,13 @@ def calibrate(
     """
     from scipy import linalg, optimize, special
 
-    y, names = check.array("data", data, finite="a finite number"), list(parameters)
+    y = check.array("data", data, finite="a finite number")
+    names = list(check.of_kind("parameters", parameters, Mapping, "a mapping of names to bounds and a start value"))
+    _check_call(model, names)
     low, start, high = check.array("parameters", list(parameters.values()), (len(names), 3), finite="a finite number",
                                    fix="Give a lower bound, a start value and an upper bound for each.").T
     check.every("parameters", start, (low <= start) & (start <= high) & (low < high), "between its bounds")
-    errors = check.array("sigma", sigma, (len(y),) * np.ndim(sigma), finite="a finite number")
-    matrix = errors if errors.ndim == 2 else np.diag(check.positive("sigma", np.full(len(y), errors), "error") ** 2)
-    # not Cholesky's method alone: it ignores the upper half of the matrix
-    check.raise_if_true({"`sigma` must be a symmetric positive definite matrix, if it is a matrix.": not (
-        np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0) and np.linalg.eigvalsh(matrix)[0] > 0.0)})
-    width, root = high - low, np.linalg.cholesky(matrix)
+    width, root = high - low, _factor(sigma, len(y))
 
     def residuals(fraction: check.Array) -> Any:
         """Return data minus model; parameters are fractions of their ranges."""
@@ -143,3 +142,34 @@ def calibrate(
         2.0 * float(best.cost), dof,
         float(special.gammaincc(0.5 * dof, best.cost)) if dof > 0 else float("nan"),
         tuple(np.array(names)[~free].tolist()), tuple(np.array(names)[unknown & free].tolist()))
+
+
+def _check_call(model: Any, names: list[str]) -> None:
+    """Raise an error if `model` is not a function of the parameters `names`."""
+    check.of_kind("model", model, Callable, "a function of the parameters")
+    if not names:
+        raise ValueError(check.must("parameters", "a mapping with at least one parameter", "an empty mapping"))
+    try:
+        signature = inspect.signature(model)
+    except ValueError:  # some builtins have none
+        return
+    try:
+        signature.bind(**dict.fromkeys(names))
+    except TypeError:
+        need = f"a function with the arguments ({', '.join(map(str, names))})"
+        raise TypeError(check.must("model", need, str(signature), "It is called with the names of `parameters`.")
+                        ) from None
+
+
+def _factor(sigma: Any, count: int) -> check.Array:
+    """Return the Cholesky factor (N, N) of the covariance matrix of N = `count` data."""
+    errors = check.array("sigma", sigma, (count,) * min(np.ndim(sigma), 2), finite="a finite number")
+    if errors.ndim < 2:
+        return np.diag(check.positive("sigma", np.full(count, errors), "error"))
+    rounding = 1e-14 * np.abs(errors).max()
+    least = np.linalg.eigvalsh(errors)[0] if np.allclose(errors, errors.T, 1e-9, rounding) else math.nan
+    if not least > rounding:
+        got = "another matrix" if math.isnan(least) else f"one with the eigenvalue {least:.3g}"
+        raise ValueError(check.must("sigma", "a symmetric matrix with positive eigenvalues only", got,
+                                    "The covariance of a table is 0 without `sigma_t` or `sigma_h`."))
+    return np.asarray(np.linalg.cholesky(errors), float)

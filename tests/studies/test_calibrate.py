@@ -116,8 +116,16 @@ WRONG = [
     ({"parameters": {"e": (1.0, 1.0, 1.0)}}, r"`parameters\[0\]` must be between its bounds, got 1\.0\."),
     ({"sigma": [0.1, 0.1]}, r"`sigma` must be an array of shape \(3,\), got an array of shape \(2,\)\."),
     ({"sigma": 0.0}, r"`sigma\[0\]` must be positive and finite, got 0\.0\."),
-    ({"sigma": np.zeros((3, 3))}, "^`sigma` must be a symmetric positive definite matrix"),
-    ({"sigma": np.tri(3)}, "^`sigma` must be a symmetric positive definite matrix"),
+    ({"sigma": np.zeros((3, 3))}, r"`sigma` must be a symmetric matrix with positive eigenvalues only, got one with "
+                                  r"the eigenvalue 0\. The covariance of a table is 0 without `sigma_t` or `sigma_h`"),
+    ({"sigma": np.ones((3, 3))}, "with positive eigenvalues only, got one with the eigenvalue "),
+    ({"sigma": np.tri(3)}, r"`sigma` must be a symmetric matrix .* got another matrix\."),
+    ({"sigma": np.ones((3, 3, 3))}, r"`sigma` must be an array of shape \(3, 3\), got an array of shape \(3, 3, 3\)\."),
+    ({"parameters": [(0.0, 0.5, 1.0)]}, r"`parameters` must be a mapping of names to bounds and a start value, got \["),
+    ({"parameters": {}}, r"`parameters` must be a mapping with at least one parameter, got an empty mapping\."),
+    ({"model": 0.8}, r"`model` must be a function of the parameters, got 0\.8\."),
+    ({"model": lambda eps: [eps] * 3}, r"`model` must be a function with the arguments \(e\), got \(eps\)\. It is "
+                                       r"called with the names of `parameters`\."),
     ({"model": lambda e: [e]}, r"The result of the model at {'e': 0\.5} must be an array of shape \(3,\), got"),
     ({"model": lambda e: np.full(3, np.nan)}, r"The result of the model at {'e': 0\.5}.* must be a finite number"),
 ]
