@@ -214,8 +214,11 @@ def rough_text(value: float) -> str:
 def percent(share: float) -> str:
     """Return a fraction as text in per cent with two digits.
 
-    Fractions below `LEAST_SHARE` are rounding errors, and are only given as smaller than this value.
+    Fractions below `LEAST_SHARE` are rounding errors, and are only given as smaller than this value. The text of nan is
+    a dash.
     """
+    if math.isnan(share):
+        return "–"
     if share == 0.0 or not share < LEAST_SHARE:
         return f"{rough_text(100.0 * share)} %"
     return f"< {100.0 * LEAST_SHARE:g} %"

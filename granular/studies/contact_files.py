@@ -96,6 +96,7 @@ def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike |
         found["impulse"] = np.add.reduceat(impulses[order], start)
     if overlap is not None:
         depth = check.array("overlap", overlap, clock.shape)
+        check.every("overlap", depth, depth >= 0.0, "a number in m of at least 0")
         found["overlap"] = 0.5 * math.pi * np.add.reduceat(depth[order], start) / n_seen
     if distance is not None:
         lengths = np.full(clock.shape, distance) if check.is_single(distance) else distance
@@ -134,8 +135,12 @@ def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = Non
         steps.
     """
     step, name = check.number("time_step", time_step, above=0.0), checked_source("path", path)
+    check.of_kind("columns", columns, (str, type(None)), "the names of all columns in one text")
     with (gzip.open if name.endswith(".gz") else open)(name, "rt", encoding="utf-8", errors="replace") as file:
-        blocks = list(_frames(file, plain_text(name), columns))
+        try:
+            blocks = list(_frames(file, plain_text(name), columns))
+        except EOFError:
+            raise ValueError(must("path", "a complete file", f"{name!r}, which ends too early")) from None
     if not sum(len(block) for _, block in blocks):
         raise ValueError(must("path", "a dump local of LAMMPS with contacts", f"{name!r} without any"))
     steps, rows = np.array([at for at, _ in blocks]), np.concatenate([block for _, block in blocks])
@@ -222,6 +227,8 @@ def _pairs(rows: Any, frame: Any, steps: Any, step: float, length: Array | None)
     """
     names = rows.dtype.names
     force = rows["force"] if "force" in names else np.ones(len(rows))
+    if "distance" in names:
+        check.every("distance", rows["distance"], rows["distance"] >= 0.0, "a number in m of at least 0")
     gap = rows["distance"] - length if length is not None and "distance" in names else np.full(len(rows), -1.0)
     kept = (force != 0.0) & (gap < 0.0)
     found = snapshots(
@@ -267,8 +274,10 @@ def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, A
                                   plain_text(", ".join(header), 200), "Name the columns of the file by `columns`."))
         try:
             converters: dict[int | str, Any] = {at["end"]: _end} if "end" in at else {}
-            rows = np.loadtxt(file, delimiter=",", usecols=list(at.values()), ndmin=2, encoding="utf-8",
-                              converters=converters)
+            with warnings.catch_warnings():  # of a file without rows, whose columns are empty
+                warnings.simplefilter("ignore", UserWarning)
+                rows = np.loadtxt(file, delimiter=",", usecols=list(at.values()), ndmin=2, encoding="utf-8",
+                                  converters=converters)
         except ValueError as error:
             raise ValueError(f"The entries of {name!r} must be numbers ({error}).") from None
     found = dict(zip(at, rows.T, strict=True))

@@ -207,7 +207,7 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
         max(1.0 - float(alone) / (float(push.sum()) or math.nan), 0.0), durations,
         math.nan if disturbed.all() else float(np.median(durations[~disturbed])), pause[pause > 0.0],
         dict(zip(size.tolist(), number_of.tolist(), strict=True)), int(is_open.sum()),
-        (*notes, *[lone] * (particles is None),
+        (*check.several("notes", notes, "a sentence, or several"), *[lone] * (particles is None),
          *[f"{_counted(int(is_open.sum()))} without an end."] * bool(is_open.any())))
 
 

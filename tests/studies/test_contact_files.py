@@ -71,6 +71,20 @@ def test_columns_have_names(tmp_path):
     assert contacts.read_lammps(path, 1.0)["j"].tolist() == [2]
 
 
+@pytest.mark.parametrize("columns", [5, ["id1", "id2", "created", "broken", "r_min"]])
+def test_names_of_columns_are_one_text(columns, tmp_path):
+    with pytest.raises(TypeError, match=r"^`columns` must be the names of all columns in one text, got "):
+        contacts.read_lammps(dump(tmp_path / "seen", {0: [], 9: ["1 2 4 6 0.9"]}), 1.0, columns=columns)
+
+
+@pytest.mark.parametrize("distance", ["nan", "-0.9"])
+def test_distances_of_a_run_that_is_unstable_are_refused(distance, tmp_path):
+    """A distance of nan was left out like that of a pair that does not touch."""
+    path = dump(tmp_path / "seen", {0: [], 9: ["1 2 0.9 5", f"1 3 {distance} 5"]}, "id1 id2 distance force")
+    with pytest.raises(ValueError, match=r"^`distance\[1\]` must be a number in m of at least 0, got "):
+        contacts.read_lammps(path, 1.0, diameter=1.0)
+
+
 REFUSED = {  # rows by step, and the sentence
     "steps without all digits": ({0: [], 3000000: ["17 22 2.00182e+06 2.002e+06 0.9"]},
                                  r"must be integers with all digits \(.*\)\. Use `dump_modify ID format float %\.15g`"),
@@ -113,6 +127,9 @@ def test_files_of_another_kind_are_refused(tmp_path):
             contacts.read_lammps(tmp_path / "other", 1.0)
     with pytest.raises(FileNotFoundError):
         contacts.read_lammps(tmp_path / "none", 1.0)
+    (tmp_path / "half.gz").write_bytes(TRACKER.read_bytes()[: TRACKER.stat().st_size // 2])
+    with pytest.raises(ValueError, match=r"complete file, got .* which ends too early\.$"):
+        contacts.read_lammps(tmp_path / "half.gz", 1.0)
     (tmp_path / "no.gz").write_text("ITEM: TIMESTEP")
     with pytest.raises(OSError, match="gzip"):
         contacts.read_lammps(tmp_path / "no.gz", 1.0)
@@ -195,6 +212,8 @@ def test_snapshots_of_any_spacing_have_the_means_of_the_run():
     ({"time": [0.0, 0.0, 2.0], "i": [1, 2, 1], "j": [2, 1, 3]}, "^A pair must occur at most once in a snapshot"),
     ({"time": [1.0] * 3}, "^`frames` must be an array of at least 2 entries, got 1"),
     ({"force": [1.0, -1.0, 0.0]}, r"^`force\[1\]` must be a finite number of at least 0, got -1"),
+    ({"overlap": [1.0, -0.5, 0.0]}, r"^`overlap\[1\]` must be a number in m of at least 0, got -0\.5\.$"),
+    ({"overlap": [1.0, math.nan, 0.0]}, r"^`overlap\[1\]` must be a number in m of at least 0, got nan\.$"),
     ({"force": [1.0]}, r"^`force` must be an array of shape \(3,\)"),
     ({"distance": [1.0]}, r"^`distance` must be an array of shape \(3,\)"),
     ({"i": [1, 2]}, r"^`i` must be an array of shape \(3,\)"),
@@ -218,6 +237,13 @@ def test_a_csv_file_has_named_columns(tmp_path):
     assert [named[name].tolist() for name in ("i", "j", "begin", "end")] == [[1.0], [2.0], [0.0], [1.0]]
     path.write_text("time,i,j,force\n0.0,1,2,5.0\n1.0,1,2,4.0\n1.0,2,3,4.0\n")
     assert contacts.read_csv(path)["impulse"].tolist() == [9.0, 4.0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_csv_file_without_rows_has_empty_columns(tmp_path):
+    (tmp_path / "list.csv").write_text("i,j,begin,end\n")
+    assert {name: len(values) for name, values in contacts.read_csv(tmp_path / "list.csv").items()} == {
+        "i": 0, "j": 0, "begin": 0, "end": 0}
 
 
 @pytest.mark.parametrize(("text", "columns", "match"), [

@@ -220,7 +220,7 @@ def test_the_statement(changes, statement):
 def test_notes_of_the_report():
     assert "Z is a mean over the 100 particles of the list" in str(gas(particles=None))
     assert "3 contacts without an end." in str(gas(end=np.where(np.arange(50) < 3, np.nan, 1.0)))
-    assert "seen by eye" in str(gas(notes=["seen by eye"]))
+    assert gas(notes="seen by eye").notes == gas(notes=["seen by eye"]).notes == ("seen by eye",)
     assert gas(end=np.where(np.arange(50) < 3, np.nan, 1.0)).durations[0] == 100.0
 
 
@@ -230,6 +230,8 @@ def test_hard_spheres_and_contacts_without_impulse_have_reports():
     assert math.isnan(found.shared_impulse)
     assert math.isnan(found.relative_duration)
     assert "the mean duration is –." in str(found)
+    assert "– of the impulse is shared, and the largest cluster has 1 contact. R" in str(found)
+    assert "nan" not in str(found)
 
 
 def test_json_has_numbers_and_no_arrays(tmp_path):
@@ -263,6 +265,7 @@ GOOD = {"i": [0, 1], "j": [1, 2], "begin": [0.0, 1.0], "end": [1.0, 2.0]}
     ({"i": [0, 0.5]}, r"^`i\[1\]` must be the number of a particle, got 0\.5\.$"),
     ({"i": [0, 2.0**31]}, r"^`i\[1\]` must be the number of a particle, got 2147483648\.0\.$"),
     ({"i": ["a", "b"]}, r"^`i` must be an array of numbers, got \['a', 'b'\]\.$"),
+    ({"notes": [3]}, r"^Every entry of `notes` must be a sentence, got 3\.$"),
     ({"particles": 0}, r"^`particles` must be an integer of at least 3, got 0\.$"),
     ({"particles": 2}, r"^`particles` must be an integer of at least 3, got 2\.$"),
     ({"walls": ["floor"]}, r"^`walls` must be an array of numbers, got \['floor'\]\.$"),
