@@ -278,7 +278,7 @@ def _distances_behind(hard: Trajectory, soft: Trajectory, isolated_duration: Dur
     for run, durations in ((hard, hard_durations), (soft, soft_durations)):
         component = parts.of_pair[run.contacts["pair"]]
         np.add.at(delay, component, durations)
-        np.maximum.at(fastest, component, approach(run))
+        np.fmax.at(fastest, component, approach(run))  # speeds of an unstable run can be nan
     return np.asarray((delay * fastest)[parts.of_pair])
 
 

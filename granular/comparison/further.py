@@ -275,10 +275,11 @@ def floor_share(report: Any) -> float:
     """Fraction of the soft impulse on the floor during contacts of ball 1 with ball 2.
 
     The impulse of the floor between two times is Σ m (Δv + g Δt). The fraction is nan without a floor, with a ceiling,
-    and with forces in addition to weight.
+    with forces in addition to weight, and for an unstable run.
     """
     scene, log, total = report.scene, report.counted[1].contacts, report.soft.of(0)["impulse"].sum()
-    if scene._flags or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0:
+    if (scene._flags or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0
+            or report.soft.status is Status.unstable):
         return math.nan
     spans = np.array([2 * (report.soft.time[-1],), *((o.begin, o.end) for o in report.overlaps
                                                      if log["pair"][o.lower] == 0)])  # there may be none

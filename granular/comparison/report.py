@@ -147,13 +147,13 @@ def _attraction_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
     only while balls separate.
     """
     log, (kind, each) = report.soft.contacts, resolved(report.law, report.scene).in_pairs
-    depth = np.zeros(len(each))
-    np.maximum.at(depth, kind[log["pair"]], log["xi_max"])
-    for c, (law, deepest) in enumerate(zip(each, depth.tolist(), strict=True)):
-        attractive = [xi for xi in deepest * OVERLAP_FRACTIONS
-                      if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
+    depth = np.zeros(len(kind))
+    np.fmax.at(depth, log["pair"], log["xi_max"])
+    for c, law in enumerate(each):
+        pair = int(np.argmax(np.where(kind == c, depth, -1.0)))
+        attractive = [xi for xi in float(depth[pair]) * OVERLAP_FRACTIONS
+                      if law.force(xi, 0.0, xi) < 0.0] if law.form is None and depth[pair] > 0.0 else []
         if attractive:
-            pair = int(np.flatnonzero(kind == c)[0])
             yield (f"the law of pair {report.scene.pairs.name(pair)} attracts at an overlap of {max(attractive):.2g} "
                    "m; the pull is cut to 0, so neither model has adhesion")
 

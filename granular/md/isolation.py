@@ -83,6 +83,8 @@ SMOOTH_VALUES_PER_OCTAVE, COSTLY_VALUES_PER_OCTAVE = 8, 2
 """Number of tabulated durations per factor of 2 of the argument.
 
 The first is for durations in closed form, the second for durations that need an integration and are expensive."""
+MAX_LOGARITHM = 1000.0
+"""Limit of the binary logarithms of arguments, 1024 for floating-point numbers."""
 SLOWEST_SPEED_RATIO = 2.0**-30
 """Lowest tabulated impact speed, relative to the typical speed of the scene.
 
@@ -167,10 +169,16 @@ class LogInterpolation:
     def __call__(self, x: Array) -> Array:
         """Return the binary logarithms of the function at arguments with logarithms `x`.
 
-        The result is inf in intervals next to tabulated points where the function is inf.
+        The result is inf in intervals next to tabulated points where the function is inf, and for arguments that are
+        not numbers or too large.
         """
         if not len(x):
             return x
+        is_known = np.abs(x) < MAX_LOGARITHM  # False for nan, as of the speeds of an unstable run
+        if not is_known.all():
+            result = np.full(x.shape, np.inf)
+            result[is_known] = self(x[is_known])
+            return result
         position = self.values_per_octave * x
         k = np.floor(position).astype(np.int64)
         self._extend_table(k)

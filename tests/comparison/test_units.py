@@ -82,3 +82,23 @@ def test_attraction_that_is_clipped_is_reported():
     for law in (gr.LinearDashpot(1e6, 500.0), gr.WaltonBraun.from_restitution(0.6, 1e6), gr.Hertz(1e9),
                 gr.TsujiHertz.from_restitution(0.3, 1e8), gr.ViscoelasticHertz(1e8, 1e4)):
         assert not warnings(gr.compare(scene, law, t_end=1.0))
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_pull_is_reported_for_the_pair_with_the_contact_and_not_without_contacts():
+    scene = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.1, 0.1], [0.0, 0.0, -1.0])
+    assert "the law of pair 1–2 attracts at" in warnings(gr.compare(scene, Sticky(1e6, 5.0), t_end=0.15))[0]
+    assert warnings(gr.compare(scene, Sticky(1e6, 5.0), t_end=0.05)) == []
+
+
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.filterwarnings("ignore:.*encountered in:RuntimeWarning")
+@pytest.mark.parametrize("law", [Sticky(1e30, 1.0), gr.Hertz(1e300), gr.ViscoelasticHertz(1e30, 1e10)])
+@pytest.mark.parametrize("scene", [
+    gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.1, 0.1], [1.0, 0.0, 0.0]),
+    gr.Scene([np.inf, 1.0, 1.0], [0.0, 0.1, 0.1], [0.1, 0.1], [0.0] * 3, gravity=9.81)], ids=["line", "floor"])
+def test_an_unstable_run_has_a_report_and_details(law, scene):
+    """Its speeds are nan, for which the table of contact durations raised a TypeError of numpy."""
+    report = gr.compare(scene, law, gr.ConstantRestitution(1.0), t_end=0.3, dt=1e-2)
+    assert str(report).startswith("No verdict: the soft-sphere run did not finish (unstable: ")
+    assert "groups: " in report.details()
