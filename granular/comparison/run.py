@@ -155,7 +155,8 @@ class Comparison(ComparisonWithAnswer, Report):
         ----------
         times : (K,) array, optional
             Times of the bounces in s, on any clock. The offset of the clock is the median difference from one engine,
-            if this reduces the differences by a factor of four.
+            if this reduces the differences by a factor of four. An engine with one bounce only is used if both are
+            like that.
         heights : (L,) array, optional
             Heights in m of the apexes of `ball` after each bounce, above the floor with radii subtracted, see `rises`.
         ball : int

@@ -211,6 +211,17 @@ def test_recorded_bounces_are_compared_with_both_engines():
     assert REPORT.against_bounces(onsets).offset == 0.0
 
 
+def test_an_engine_with_one_bounce_does_not_set_the_clock():
+    """Its bounce agrees on some clock with any recording, which moved all others."""
+    report = gr.compare(DROP, gr.LinearDashpot(1e5, 1e4), gr.ConstantRestitution(0.7), t_end=3.0)
+    onsets, late = np.sort(report.hard.of(0)["t_begin"])[:5], np.array([0.01, 0.0, 0.0, 0.0, 0.0])
+    assert report.soft.count(0) == 1
+    assert report.against_bounces(onsets + late).offset == 0.0
+    assert report.against_bounces(onsets + 2.0).offset == pytest.approx(2.0, rel=1e-14)
+    single = gr.compare(DROP, gr.LinearDashpot(1e5), t_end=0.6)
+    assert single.against_bounces([2.0, 3.0]).offset == pytest.approx(2.0 - onsets[0], rel=1e-14)
+
+
 def test_bounces_that_an_engine_does_not_have_are_unknown():
     none = gr.compare(DROP, gr.LinearDashpot(1e6), t_end=0.1).against_bounces([0.5, 1.0])
     assert np.isnan(none.times[1:]).all()
