@@ -53,6 +53,10 @@ STYLE_SPACE_PATTERN = re.compile(
     r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)", re.MULTILINE
 )
 """Unnecessary spaces of a style sheet."""
+DEFINITION_PATTERN = re.compile(
+    r"^(?:export )?(?:const|let|(?:async )?function\*?|class) ([\w$]{4,})", re.MULTILINE)
+"""Names that a module defines at its top level."""
+LITERAL_PATTERN = re.compile("|".join(LITERAL_PATTERNS))
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 BLOCKED_KEY = "blocked"
@@ -82,7 +86,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
             f'<p lang="{words(language)["tag"]}">{escape(words(language)[BLOCKED_KEY])}</p>' for language in LANGUAGES
         ),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
-        "script": bundle(parts[1]),
+        "script": _bundle_with_short_names(parts[1]),
     }
     html = part_text("shell/shell.html").replace("<body>", '<body data-start="{{start}}">')
     body = part_text(parts[0]).replace("{{transport}}", part_text("shell/transport.html"))
@@ -119,6 +123,32 @@ def _needed_modules(name: str) -> Iterator[str]:
     for path in IMPORT_PATTERN.findall(part_text(name)):
         yield from _needed_modules(normpath(f"{dirname(name)}/{path}"))
     yield name
+
+
+@cache
+def _bundle_with_short_names(main: str) -> str:
+    """Return the bundle of a module with short top-level names.
+
+    A name that occurs as a property, as a key or in a shorthand such as ``{ name }`` anywhere is kept.
+    """
+    modules = list(map(part_text, dict.fromkeys(_needed_modules(main))))
+    code = "".join(COMMENT_PATTERN.sub("", IMPORT_PATTERN.sub("", module)) for module in modules)
+    names = [name for name in dict.fromkeys(DEFINITION_PATTERN.findall("".join(modules))) if not re.search(
+        rf"\.{name}\b|\b{name}:|[{{,]\s*{name}\s*[,}}=]", code)]
+    short = {name: f"${i:x}" for i, name in enumerate(names)}
+    return "\n".join(_minified(_renamed(IMPORT_PATTERN.sub("", module), short)) for module in modules)
+
+
+def _renamed(source: str, short: Mapping[str, str]) -> str:
+    """Replace names of a script, but not in its comments, texts and patterns; in templates only inside ``${}``."""
+    word = re.compile(r"(?<![\w$])(?:" + "|".join(map(re.escape, short)) + r")(?![\w$])")
+    parts, end, source = [], 0, COMMENT_PATTERN.sub("", source)
+    for literal in LITERAL_PATTERN.finditer(source):
+        kept = literal[0] if literal[0][0] != "`" else re.sub(
+            r"\$\{[^}]*\}", lambda inside: word.sub(lambda name: short[name[0]], inside[0]), literal[0])
+        parts += [word.sub(lambda name: short[name[0]], source[end : literal.start()]), kept]
+        end = literal.end()
+    return "".join([*parts, word.sub(lambda name: short[name[0]], source[end:])])
 
 
 def _minified(source: str) -> str:
