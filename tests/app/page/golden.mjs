@@ -38,8 +38,8 @@ function judged(report, answer, kind, said, error) {
   if (kind !== null && `${[report.answer, report.kind]}` !== `${[answer, kind]}`) faults.push(`verdict: ${report.kind} (${JSON.stringify(verdict)}), not ${kind}`);
   else if (kind === "counts" && `${[verdict.of, verdict.n, verdict.hard]}` !== `${said}`) faults.push(`${JSON.stringify(verdict)}, not ${said}`);
   else if (kind === "forever" && said !== null && `${verdict.n}` !== `${said}`) faults.push(`${verdict.n} contacts, not ${said}`);
-  const [bound] = verdict.within?.error ?? [report.error]; // said of a yes: one digit, no smaller than the error
-  if (bound < report.error * (1 - 1e-12) || bound > 2 * report.error || `${bound.toPrecision(1) * 1}` !== `${bound.toPrecision(12) * 1}` && verdict.within?.error) faults.push(`error ${report.error}, said ${bound}`);
+  const bound = verdict.within?.bound ?? report.error; // said of a yes: one digit, no smaller than the error
+  if (bound < report.error * (1 - 1e-12) || bound > 2 * report.error || `${bound.toPrecision(1) * 1}` !== `${bound.toPrecision(12) * 1}` && verdict.within?.bound) faults.push(`error ${report.error}, said ${bound}`);
   if (error !== null && !(Math.abs(report.error - error) < precision * Math.max(1, error))) faults.push(`error ${report.error}, not ${error}`);
   return faults;
 }

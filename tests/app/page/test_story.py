@@ -155,6 +155,18 @@ def test_tables_have_the_same_sentences_terms_numbers_and_units() -> None:
             assert shape(table[key], table["decimal"]) == shape(english[key], "."), f"{language}: {key}"
 
 
+def test_the_shared_part_of_the_push_is_named_by_what_both_themes_show(blank, story) -> None:
+    """It was "the dark part", which is the light one in the dark theme."""
+    for dark, language in zip(["dark", "dunkel", "foncé", "oscur", "koyu", "深色"], assemble.LANGUAGES, strict=True):
+        assert dark not in assemble.words(language)["s4-b"].lower()
+    for scheme in ("light", "dark"):
+        blank.media(prefers_color_scheme=scheme)
+        go(blank, f"{story}#screen=4&lang=en")
+        fills = [blank.run(f"getComputedStyle(document.querySelector('.push-{part}')).fill") for part in ("all", "both")]
+        assert fills[0] == "none" != fills[1]
+    blank.media()
+
+
 def shape(sentence, decimal):
     """What a translation may not change: places, explained words, numbers, units."""
     bare = re.sub(r"\{[^}]*\}", "", sentence).replace("\u00a0", " ")

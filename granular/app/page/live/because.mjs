@@ -1,9 +1,9 @@
 // The reason, live: the push of the floor in time, and shaded the part of it during which the ball above presses too.
 import { $, h, markup, set, svg, text } from "../shell/dom.mjs";
 import { quantity } from "../shell/format.mjs";
-import { pairName } from "../physics/verdict.mjs";
+import { reasonSaid, shareSaid } from "../physics/reason.mjs";
 import { plain, told } from "./words.mjs";
-import { max, round } from "../physics/numbers.mjs";
+import { max } from "../physics/numbers.mjs";
 
 const WIDE = 300, LOW = 60; // of the drawing
 
@@ -16,13 +16,11 @@ export class Because {
   }
 
   load(report, reason) {
-    const isLater = report.scene.bounces > 1 && !(reason?.share > 0); // what came before makes the difference
-    $(".because").classList.toggle("empty", !reason || isLater);
-    if (isLater) return told(this.line, "because-earlier");
-    if (!reason) return told(this.line, "because-none");
-    const { pair, lasts, arrives, share } = reason, names = { below: pairName(report.scene, pair), next: pairName(report.scene, pair + 1) };
-    told(this.line, share > 0 ? "because-share" : "because-apart", { ...names, lasts: [lasts, "s"], arrives: [arrives, "s"], share: percent(share) });
-    set(this.chart, { "aria-label": plain("push-said", { share: percent(share) }) });
+    const said = reasonSaid(report, reason), isEmpty = !said.below;
+    $(".because").classList.toggle("empty", isEmpty);
+    told(this.line, said.say, said);
+    if (isEmpty) return;
+    set(this.chart, { "aria-label": plain("push-said", { share: said.share }) });
     this.draw(reason);
   }
 
@@ -33,10 +31,7 @@ export class Because {
     const shaded = parts.map(([a, b]) => markup("path", { class: "push-both", d: area(curve.filter(([t]) => t >= a && t <= b), a, b) }));
     const base = markup("line", { x1: 0, x2: WIDE, y1: LOW, y2: LOW, class: "zero-line" });
     this.chart.innerHTML = markup("path", { class: "push-all", d: area(curve, 0, lasts) }) + shaded.join("") + base + markup("path", { class: "push-arrives", d: `M${x(arrives)} ${LOW + 3}V2` });
-    text(this.words[1], plain("push-shared", { share: percent(share) }));
+    text(this.words[1], plain("push-shared", { share: shareSaid(share) }));
     text(this.words[2], quantity(most, "s", 2));
   }
 }
-
-// With the digits that matter: 8.4 %, 77 %, 0 %.
-const percent = (share) => ({ say: "percent", n: 100 * share < 10 ? Number((100 * share).toPrecision(2)) : round(100 * share) });

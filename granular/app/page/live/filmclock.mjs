@@ -34,7 +34,7 @@ export class FilmClock extends Clock {
     if (!this.film) return;
     const { slower, time, act } = this.film.at(this.time), now = quantity(time, "s", act === "slow" ? 4 : 2);
     text(this.readout, now);
-    const pace = slower === Infinity ? this.say("film-freeze") : slower > 1.5 ? this.say("slowed", { n: inThousands(slower) }) : slower < 0.67 ? this.say("faster", { n: digits(1 / slower, 2) }) : this.say("film-life");
+    const pace = slower === Infinity ? this.say("film-freeze") : slower > 1.5 ? this.say("slowed", { n: inThousands(Number(slower.toPrecision(2))) }) : slower < 0.67 ? this.say("faster", { n: digits(1 / slower, 2) }) : this.say("film-life");
     text($(".slowdown", this.root), pace);
     set(this.bar, { "aria-valuetext": `${now}, ${pace}` });
   }

@@ -1,7 +1,8 @@
 // A lens on the place where two balls touch: their distance on its own scale, and its number.
 import { set, svg, text } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
-import { max, min } from "../physics/numbers.mjs";
+import { plain } from "./words.mjs";
+import { abs, max, min } from "../physics/numbers.mjs";
 
 export class Lens {
   constructor(engine) {
@@ -17,9 +18,10 @@ export class Lens {
     this.rim = this.element.querySelector(".lens-rim");
   }
 
-  // Round (cx, cy), of radius r; `range` is the distance in m that fills most of it, `natural` how many pixels a metre has.
-  layout({ cx, cy, r, upright, range, natural }) {
-    Object.assign(this, { cx, cy, r, upright, scale: (0.9 * r) / range });
+  // Round (cx, cy), of radius r; `range` is the distance in m that fills most of it, `natural` how many pixels a metre has; balls touch
+  // where less than `least` is between them: that is rounding.
+  layout({ cx, cy, r, upright, range, natural, least }) {
+    Object.assign(this, { cx, cy, r, upright, least, scale: (0.9 * r) / range });
     for (const circle of [this.cut, this.glass, this.rim]) set(circle, { cx, cy, r });
     set(this.value, { x: cx, y: cy + r + 17 });
     set(this.times, { x: cx, y: cy - r - 7 });
@@ -33,6 +35,6 @@ export class Lens {
       set(circle, upright ? { cx, cy: (cy + side * half).toFixed(2), r: big } : { cx: (cx + side * half).toFixed(2), cy, r: big });
     }
     set(this.stalk, { x1: touch[0], y1: touch[1], x2: cx - r, y2: cy });
-    text(this.value, quantity(distance, "m", 2));
+    text(this.value, abs(distance) < this.least ? plain("touching") : quantity(distance, "m", 2));
   }
 }

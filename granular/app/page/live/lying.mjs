@@ -18,7 +18,7 @@ export class Lying {
     this.scale = min(room / (high - low), 1 / sinks);
     this.draw(report);
     const r = lensSize(w, tall);
-    if (watched) this.lens.layout({ cx: w - r - 14, cy: 0.5 * tall, r, upright: false, range: watched.range, natural: unit });
+    if (watched) this.lens.layout({ cx: w - r - 14, cy: 0.5 * tall, r, upright: false, range: watched.range, least: watched.least, natural: unit });
     return this.scale / unit;
   }
 

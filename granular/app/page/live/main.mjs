@@ -160,7 +160,7 @@ class Page {
     const { name, values } = this.state, { eps, k } = contactsIn(name, values);
     this.report = compareEngines(sceneOf(name, values), eps, k, { patience });
     this.draw(isMove);
-    this.spoken.load(this.report, this.state.screen < LAB, this.predict.covered);
+    this.spoken.load(this.report, this.predict.covered);
   }
 
   draw(isMove) {

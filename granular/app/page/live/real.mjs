@@ -1,23 +1,12 @@
-// Real balls: whether both engines agree in heights, and how far that hangs on contact times that are estimates.
+// Real balls: how far the heights depend on contact times that are estimates.
 import { $, whenIdle } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
-import { SAME } from "../physics/measures.mjs";
 import { ballValues } from "../physics/setups.mjs";
 import { spreadOf } from "../physics/spread.mjs";
 import { told } from "./words.mjs";
 import { abs, max } from "../physics/numbers.mjs";
 
-const USUAL = 1.2, ALIKE = 0.05, NEARLY = 0.05; // factor of a contact time; heights, and errors, that differ less are close
-
-// The answer in heights, for the story: it is that of the laboratory and the library, and stands beside its error, unless a
-// small error does not decide.
-export function inHeights({ finals, scene, answer, verdict, error, kind }) {
-  const [hard, soft] = ["hard", "soft"].map((engine) => finals[engine].at(-1).rise / scene.drop);
-  const decides = answer === "yes" || (answer === "no" && error > SAME);
-  if (!decides || kind === "forever" || !(hard >= 0 && soft >= 0)) return { answer, verdict };
-  const isClose = abs(hard - soft) <= ALIKE * max(hard, soft), key = answer === "yes" ? (isClose ? "yes" : "later") : isClose && error <= NEARLY ? "nearly" : "no";
-  return { answer, verdict: { say: `heights-${key}`, hard, soft, error: { say: "percent", n: [100 * error, "", 2] } } };
-}
+const USUAL = 1.2; // factor of a contact time
 
 export class Spread {
   constructor(balls) {

@@ -1,14 +1,14 @@
-// The verdict in one line, as `granular compare` judges: in heights in the story. While a slider moves it
+// The verdict in one line, as `granular compare` judges: in heights where something rises. While a slider moves it
 // changes at once for the eye, but is announced only when it rests.
 import { $, text } from "../shell/dom.mjs";
-import { inHeights } from "./real.mjs";
+import { inHeights } from "../physics/verdict.mjs";
 import { plain, told } from "./words.mjs";
 
 const PAUSE = 350; // ms without a change
 
 export class Spoken {
-  load(report, isStory, covered) {
-    const { answer, verdict } = isStory ? inHeights(report) : report;
+  load(report, covered) {
+    const { answer, verdict } = inHeights(report);
     told($(".verdict-words"), verdict.say, verdict);
     $(".verdict").classList.toggle("yes", answer === "yes");
     clearTimeout(this.waiting);

@@ -147,7 +147,7 @@ export class Upright {
 
   layLens() {
     const r = min(46, 0.16 * this.w);
-    this.lens.layout({ cx: this.w - r - 12, cy: max(r + 46, 0.24 * this.tall), r, upright: true, range: this.look.watched.range, natural: this.camera.scales(1)[1] });
+    this.lens.layout({ cx: this.w - r - 12, cy: max(r + 46, 0.24 * this.tall), r, upright: true, range: this.look.watched.range, least: this.look.watched.least, natural: this.camera.scales(1)[1] });
   }
 
   showLens(heights, balls, near) {

@@ -1,7 +1,7 @@
 // The pair that is looked at closely: of those between balls the one that soft spheres make touch most often, the upper
 // of equals. With it the distance in m that shows all of its hops, and its distances in time.
 import { hardGaps, softGaps } from "../physics/traces.mjs";
-import { max } from "../physics/numbers.mjs";
+import { max, min } from "../physics/numbers.mjs";
 
 const FRAMES = 240;
 
@@ -14,7 +14,7 @@ export function watchedPair(report, span) {
   const softly = times.map((t) => [t, softGaps(soft, t)[pair]]), hardly = times.map((t) => [t, hardGaps(hard, t)[pair]]);
   const hops = hopsOf(mine, softly), depth = softly.reduce((most, [, y]) => max(most, -y), 0);
   const start = softly[0]?.[1] ?? 0, range = max(...hops.map((hop) => hop.height), 0.6 * depth, hops.length ? 0 : start, 1e-9);
-  return { pair, soft: softly, hard: hardly, hops, depth, range, touches: mine.map((c) => c.begin) };
+  return { pair, least: 1e-12 * min(...scene.radius.slice(pair, pair + 2).filter(Boolean)), soft: softly, hard: hardly, hops, depth, range, touches: mine.map((c) => c.begin) };
 }
 
 function timesOf(contacts, [begin, end]) {

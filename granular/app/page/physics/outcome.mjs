@@ -38,7 +38,16 @@ export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEI
   const twin = settledRun(shifted(scene), eps, { ties });
   const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, isEarly(twin) ? own : once(twin), unit);
   const report = { ...both, scene, eps, k, hard, rule: ties, tieErrors: others, unchecked: isEarly(twin) || others.some(([, e]) => Number.isNaN(e)), ...self, finals: { hard: finals(hard), soft: finals(soft) } };
-  return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...verdict({ ...report, patience }) };
+  const judged = verdict({ ...report, patience });
+  return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...judged, otherRise: riseUnder(judged.verdict.worst, report, patience.follow) };
+}
+
+// How high the top ball rises under another tie rule.
+function riseUnder(ties, { scene, eps }, follow) {
+  if (!ties || !scene.gravity) return NaN;
+  const run = simulateHard(scene, eps, { ties });
+  findTops(run, follow);
+  return riseIn(run, scene.mass.length - 1);
 }
 
 const isOpen = ({ scene, early, soft, hard }) => early || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));

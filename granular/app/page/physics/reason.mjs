@@ -2,9 +2,10 @@
 //
 // It explains and does not decide; the error decides. Of all pairs that one is told of whose push overlaps most with that of
 // the pair above it. A gap of v t_c makes sure that none do; a smaller one is often enough.
+import { pairName } from "./verdict.mjs";
 import { pairsOf } from "./scenes.mjs";
 import { softForce } from "./traces.mjs";
-import { max, min } from "./numbers.mjs";
+import { max, min, round } from "./numbers.mjs";
 
 const POINTS = 80;
 
@@ -17,6 +18,17 @@ export function reasonOf({ scene, soft }) {
   });
   return found.reduce((most, one) => (!most || one.share > most.share ? one : most), null);
 }
+
+// In a sentence. At a second bounce, what came before makes the difference.
+export function reasonSaid({ scene }, reason) {
+  if (scene.bounces > 1 && !(reason?.share > 0)) return { say: "because-earlier" };
+  if (!reason) return { say: "because-none" };
+  const { pair, lasts, arrives, share } = reason, names = { below: pairName(scene, pair), next: pairName(scene, pair + 1) };
+  return { say: share > 0 ? "because-share" : "because-apart", ...names, lasts: [lasts, "s"], arrives: [arrives, "s"], share: shareSaid(share) };
+}
+
+// With the digits that matter: 8.4 %, 77 %, 0 %.
+export const shareSaid = (share) => ({ say: "percent", n: 100 * share < 10 ? Number((100 * share).toPrecision(2)) : round(100 * share) });
 
 const endOf = (soft, { end }) => (Number.isNaN(end) ? soft.time : end);
 

@@ -84,7 +84,7 @@ export function enoughFor(values) {
 export function offer({ balls, pairs }) {
   for (const [lower, upper, gap] of pairs) {
     const both = { ...ballValues(balls[lower], 1), ...ballValues(balls[upper], 2) };
-    SETUPS["real-balls"].presets[`${lower}+${upper}`] = { ...both, gap: 0, height: 1, rule: 0, bounces: 1 };
+    SETUPS["real-balls"].presets[`${lower}+${upper}`] = { ...both, gap: 1e-3, height: 1, rule: 0, bounces: 1 };
     GAPS.push([both, gap]);
   }
   for (const name in balls) KINDS.push([balls[name][1], name]);

@@ -1,10 +1,12 @@
 // May this scene be event-driven? The answer of granular/comparison/answer.py, in fewer words: `answer` is that of gr.Answer,
 // `kind` which of its reasons it is. It names a sentence and what it speaks of; the words are elsewhere.
+import { digits } from "../shell/format.mjs";
 import { isEarly, SAME } from "./measures.mjs";
 import { ROUNDING } from "./scenes.mjs";
-import { abs, floor, log10 } from "./numbers.mjs";
+import { abs, floor, log10, max } from "./numbers.mjs";
 
 const PATIENT = 10000; // steps
+const ALIKE = 0.05, NEARLY = 0.05; // heights, and errors, that differ less are close
 const UPRIGHT = { left: "lower", right: "upper" };
 const ANSWERS = { forever: "no", sinks: "no", counts: "no", off: "no", "yes, overlap": "yes" };
 
@@ -38,13 +40,13 @@ const forever = ({ forever: n }) => (n ? ["forever", { say: "verdict-forever", n
 function notUnique({ scene, rule, tieErrors, predictable }) {
   const [error, worst] = tieErrors.reduce((most, [name, e]) => (e > most[0] ? [e, name] : most), [0, ""]);
   const called = (name) => ({ say: `tie-${scene.gravity ? (UPRIGHT[name] ?? name) : name}` });
-  if (error > SAME) return ["not_unique", { say: "verdict-ties", one: called(rule), other: called(worst), error: [error, "", 2] }];
+  if (error > SAME) return ["not_unique", { say: "verdict-ties", one: called(rule), other: called(worst), worst, error: inPercent(error) }];
   return predictable > SAME && scene.gap.includes(0) ? ["not_unique", { say: "verdict-tie" }] : null;
 }
 
 function unpredictable({ predictable, shift, cut }) {
   if (predictable > SAME) return ["not_ball_by_ball", { say: "verdict-chaos", share: [(100 * cut.shared) / cut.impulse, "", 2] }];
-  return shift > SAME ? ["not_unique", { say: "verdict-shift", error: [shift, "", 2] }] : null;
+  return shift > SAME ? ["not_unique", { say: "verdict-shift", error: inPercent(shift) }] : null;
 }
 
 // Pairs that do not rest, with other numbers of contacts.
@@ -53,24 +55,43 @@ function countsDiffer(report) {
   if (!wrong.length) return null;
   const { pair: of, soft: n, hard } = wrong.reduce((most, one) => (miss(one) >= miss(most) ? one : most));
   const many = wrong.length > 1 ? { say: "count-many", n: wrong.length, of: pairs.filter((p) => p.soft + p.hard).length } : "";
-  return ["counts", { say: "verdict-counts", pair: pairName(scene, of), n, hard, many, parting: parting(report), of }];
+  return ["counts", { say: "verdict-counts", counts: { say: "counts-differ", pair: pairName(scene, of), n, hard, many }, n, hard, parting: parting(report), of }];
 }
 
 // The ball that leaves with other velocities, if one decides.
 function parting({ scene, error, leaves: { apart, ball, soft, hard }, unit }) {
-  return error > SAME && apart / unit === error ? { say: "parting-speeds", ball: ballName(scene, ball), soft: [soft, "m/s", 4], hard: [hard, "m/s", 4] } : "";
+  if (!(error > SAME && apart / unit === error)) return "";
+  const n = digits(soft) === digits(hard) ? 6 : 3;
+  return { say: "also", it: { say: "parting-speeds", ball: ballName(scene, ball), soft: [soft, "", n], hard: [hard, "", n] } };
 }
 
 // Yes takes an error that is known, and small, no ball that sinks where it rests, and checks that came to their end.
 function outcomes(report) {
   const { error, sunk, cut, unchecked } = report;
-  if (!(error <= SAME)) return ["off", { say: "verdict-off", error: [error, "", 2], parting: parting(report) }];
-  if (sunk > SAME) return ["sinks", { say: "verdict-sinks", share: [sunk, "", 2] }];
+  if (!(error <= SAME)) return ["off", { say: "verdict-off", error: inPercent(error), parting: parting(report) }];
+  if (sunk > SAME) return ["sinks", { say: "verdict-sinks", share: inPercent(sunk) }];
   if (unchecked) return ["undecided", { say: "verdict-unchecked" }];
-  if (cut.shared > ROUNDING * cut.impulse) return ["yes, overlap", { say: "verdict-yes-overlap", within: within(error) }];
+  if (isShared(cut)) return ["yes, overlap", { say: "verdict-yes-overlap", within: within(error), overlap: { say: "overlap" } }];
   return ["yes", { say: "verdict-yes", within: within(error) }];
 }
 
+const isShared = ({ shared, impulse }) => shared > ROUNDING * impulse;
+
+const inPercent = (x, n = 2) => ({ say: "percent", n: [x < 1e-12 ? 0 : 100 * x, "", n] });
+
 // Up to one digit: the error is never larger than is said.
 const within = (error, unit = 10 ** floor(log10(error))) =>
-  (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [Math.ceil(error / unit) * unit, "", 1] });
+  (error < 1e-12 ? { say: "within-rounding" } : { say: "within", bound: Math.ceil(error / unit) * unit, error: inPercent(Math.ceil(error / unit) * unit, 1) });
+
+// The answer in heights where something rises: it is that of the library, and stands beside its error. A small error that
+// does not decide is left out.
+export function inHeights(report) {
+  const { finals, scene, answer, verdict, error, kind, leaves, cut, otherRise } = report, last = scene.mass.length - 1;
+  const [hard, soft] = ["hard", "soft"].map((engine) => (scene.gravity ? finals[engine][last].rise / scene.drop : NaN)), high = otherRise / scene.drop;
+  if (verdict.worst && soft >= 0 && digits(hard) !== digits(high)) return { answer, verdict: { ...verdict, say: "heights-ties", low: hard, high, soft } };
+  const decides = answer === "yes" || (answer === "no" && error > SAME);
+  if (!decides || kind === "forever" || !(hard >= 0 && soft >= 0)) return { answer, verdict };
+  const isClose = abs(hard - soft) <= ALIKE * max(hard, soft), key = answer === "yes" ? (isClose ? "yes" : "later") : !isClose ? "no" : error <= NEARLY ? "nearly" : "alike";
+  const why = verdict.counts ? { say: "also", it: verdict.counts } : leaves.ball === last ? "" : parting(report);
+  return { answer, verdict: { say: `heights-${key}`, top: last > 1 ? { say: "to-top" } : "", hard, soft, why, error: inPercent(error), overlap: isShared(cut) ? { say: "overlap" } : "" } };
+}

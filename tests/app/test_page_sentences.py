@@ -1,0 +1,121 @@
+"""Every number in the page's sentences is the library's: the answer in any language, and the reason beside it."""
+
+import json
+import math
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from granular.app.page import assemble
+from tests.app.page.make_golden import compared
+
+HERE = Path(__file__).parent / "page"
+NUMBER = re.compile(r"−?\d+(?:[.,]\d+)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?")
+RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+SECONDS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
+
+
+def told(cases, languages, tmp_path):
+    """What the page says: for each case the answer and the reason as (key, sentences, slots)."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed: the sentences of the page are not compared here")
+    keys = list(assemble.words("en"))
+    texts = {one: "\n".join(assemble.words(one)[key] for key in keys) for one in assemble.LANGUAGES}
+    (tmp_path / "cases.json").write_text(
+        json.dumps([cases, languages, {"keys": " ".join(keys), "sentences": texts}]), encoding="utf-8")
+    command = [node, str(HERE / "said.mjs"), str(tmp_path / "cases.json")]
+    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+
+def numbers(sentence, decimal):
+    """All numbers of a sentence, those that belong to the names of balls and to 10⁻¹² too."""
+    found = [text.replace("−", "-").replace(decimal, ".") for text in NUMBER.findall(sentence)]
+    parts = [text.partition("·10") for text in found]
+    return [float(number) * 10.0 ** int(raised.translate(RAISED) or "0") for number, _, raised in parts]
+
+
+def is_among(value, digits, shown):
+    """Whether one of the numbers shown is `value` with so many digits; takes it away."""
+    size = 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1) if value else 1e-12
+    found = next((x for x in shown if abs(x - value) <= (0.5 + 1e-4) * size), None)
+    if found is not None:
+        shown.remove(found)
+    return found is not None
+
+
+def expected(key, slots, case):
+    """The library's numbers in a sentence of the answer, with their digits; None where it does not decide them."""
+    drop = case["values"].get("height", math.nan) - (0.1 if case["scene"] == "three-balls" else 0.0)
+    rises = [case[engine]["rise"] for engine in ("hard", "soft")]
+    if (key.startswith("heights-") and None in rises) or (key == "verdict-forever" and not case["said"]):
+        return None
+    values = [(rise / drop, 3) for rise in rises] if key.startswith("heights-") else []
+    if key == "heights-ties":
+        other = compared(case["scene"], case["values"], slots["worst"]).rises[0] / drop
+        if math.isnan(other):
+            return None
+        values.append((other, 3))
+    elif key in ("verdict-ties", "verdict-shift"):
+        sentence = compared(case["scene"], case["values"], case["ties"]).verdict
+        values.append((float(re.search(r" by ([\d.]+) % of the fastest", sentence)[1]), 2))
+    elif key.startswith("heights-") or key == "verdict-off":
+        values.append((100.0 * case["error"] if case["error"] >= 1e-12 else 0.0, 2))
+    if case["said"]:
+        values += [(float(n), 9) for n in case["said"][-2:] if n != 1]  # one is a word in some languages
+    if "parting-speeds" in json.dumps(slots):
+        told_speeds = [speed for speed, *_ in (departing(slots)["soft"], departing(slots)["hard"])]
+        _, *speeds = case["leaves"] or [None, *told_speeds]
+        if abs(abs(speeds[0] - speeds[1]) - abs(told_speeds[0] - told_speeds[1])) < 1e-9:
+            speeds = told_speeds  # of mirror images, which are off alike, either
+        values += [(speed, 6 if f"{speeds[0]:.3g}" == f"{speeds[1]:.3g}" else 3) for speed in speeds]
+    return values
+
+
+def departing(slots):
+    """The ball and the velocities of a sentence about a ball that leaves."""
+    return next(one["it"] for one in (slots.get("parting"), slots.get("why")) if one and "soft" in one["it"])
+
+
+@pytest.mark.parametrize(("count", "languages"), [
+    (30, ["en", "de"]), pytest.param(500, list(assemble.LANGUAGES), marks=pytest.mark.soak)])
+def test_every_number_of_the_answer_is_the_librarys(count, languages, tmp_path) -> None:
+    """What the library says is in golden.json; what is left of a sentence are numbers of balls, and limits."""
+    cases = json.loads((HERE / "golden.json").read_text(encoding="utf-8"))
+    cases = [one for one in cases[:: 500 // count] if one["kind"] and one["error"] is not None]
+    keys = set()
+    for case, [(key, sentences, slots), _] in zip(cases, told(cases, languages, tmp_path), strict=True):
+        values = expected(key, slots, case)
+        if values is None:
+            continue
+        keys.add(key)
+        for language, sentence in zip(languages, sentences, strict=True):
+            shown = numbers(sentence, assemble.words(language)["decimal"])
+            missing = [value for value in values if not is_among(*value, shown)]
+            assert not missing, (case, sentence, missing)
+            if "within" in slots and case["error"] >= 1e-12:
+                bound = next(x for x in shown if 0.999 <= x / (100.0 * case["error"]) <= 2.0)
+                shown.remove(bound)
+            assert all(x in (*range(11), 1e-12) for x in shown), (case, sentence, shown)
+    assert {"heights-no", "heights-yes", "verdict-counts"} <= keys
+
+
+def test_the_times_of_the_reason_are_the_librarys(tmp_path) -> None:
+    cases = json.loads((HERE / "golden.json").read_text(encoding="utf-8"))
+    cases = [one for one in cases[3:60:5] if one["soft"]["velocity"] and one["values"].get("bounces") != 2][:4]
+    seen = 0
+    for case, [_, (key, [sentence], slots)] in zip(cases, told(cases, ["en"], tmp_path), strict=True):
+        if "lasts" not in slots:
+            continue
+        log, (lasts, _), (arrives, _) = compared(case["scene"], case["values"], "left").soft.contacts, *(
+            slots[name] for name in ("lasts", "arrives"))
+        durations, begins = log["t_end"] - log["t_begin"], log["t_begin"]
+        assert min(abs(durations - lasts)) < 1e-9 * lasts, (case, sentence)
+        assert min(abs(begins[:, None] - begins[None, :] - arrives).ravel()) < 1e-9
+        shown = [float(number) * SECONDS[unit] for number, unit in re.findall(r"([\d.]+)\xa0?\s?([mµn]?s)\b", sentence)]
+        assert abs(shown[0] / lasts - 1.0) < 6e-3, sentence
+        seen += 1
+    assert seen > 0
