@@ -66,6 +66,52 @@ def test_the_textbook_says_nine_then_seven_then_four(page) -> None:
     assert page.run("document.querySelector('.stage .soft').checkVisibility()") is False
 
 
+BESIDE = """
+[...document.querySelectorAll('.stage > svg')].filter((view) => view.clientWidth).map((view) => {
+  const box = (selector) => [...view.querySelectorAll(selector)].map((one) => one.getBoundingClientRect());
+  const zero = box('.ruler text')[0], floor = box('.floor')[0], note = view.querySelector(':scope > .ruler-tick');
+  return [box('.top-value').every((word) => box('.face').every((ball) =>
+    word.right <= ball.left + 1 || ball.right <= word.left + 1 || word.bottom <= ball.top + 4 || ball.bottom <= word.top + 4)),
+    zero.bottom <= floor.top + 4, view.querySelector('.ruler').textContent, note.textContent,
+    note.getBoundingClientRect().right <= view.getBoundingClientRect().right];
+})
+"""
+
+
+@pytest.mark.parametrize("width", [1366, 390])
+@pytest.mark.parametrize(("state", "zero"), [
+    ("screen=2", "0: basketball at rest"), ("screen=4", "0: tennis ball at rest"),
+    ("scene=ball-stack", "0: ball 3 at rest"), ("scene=bouncing-ball", "0: basketball at rest")])
+def test_numbers_are_beside_the_balls_and_the_zero_has_a_name(page, story, width, state, zero) -> None:
+    page.size(width, 844, mobile=width < 500)
+    go(page, f"{story}#{state}")
+    last_picture(page)
+    settle(page)
+    for beside, above, ruler, note, is_in in page.run(BESIDE):
+        assert beside
+        assert above
+        assert ruler.endswith(zero)
+        assert is_in
+        assert re.fullmatch(r"(balls drawn [\d.]+ × too large)?", note)
+
+
+def test_a_guess_comes_before_what_is_next(own) -> None:
+    """By keyboard, too. There is one question, and what is for the teacher is folded."""
+    own.mouse(*own.middle(".story-next"))
+    settle(own)
+    order = own.run("[...document.querySelectorAll('.grip, .run, .story-next')].map((one) => one.classList[0])")
+    assert order.index("story-next") > order.index("run") > order.index("grip")
+    colour = "getComputedStyle(document.querySelector('.story-next')).backgroundColor"
+    assert own.run(colour) == "rgba(0, 0, 0, 0)"
+    assert not own.run("document.querySelector('.predict .question').checkVisibility()")
+    assert not own.run("document.querySelector('.class-guesses').checkVisibility()")
+    own.media(prefers_reduced_motion="reduce")  # the film is its last picture
+    own.mouse(*own.middle(".stage .soft"))
+    own.mouse(*own.middle(".run"))
+    own.wait(f"{colour} !== 'rgba(0, 0, 0, 0)'")
+    own.media()
+
+
 PLACES = """
 [...document.querySelectorAll('.stage > svg')].map((view) =>
   [...view.querySelectorAll('.ball')].map((ball) => ball.getBoundingClientRect().left))

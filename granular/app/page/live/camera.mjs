@@ -5,7 +5,7 @@
 // (`times`). Radii keep their ratios in both; none is less than TINIEST pixels.
 import { max, min, sqrt, sum } from "../physics/numbers.mjs";
 
-const TINIEST = 2, SMALL = 10, LARGE = 36, BELOW = 30, TOP = 40; // pixels
+const TINIEST = 2, SMALL = 10, LARGE = 36, BELOW = 30, TOP = 58; // pixels
 const ROUND = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
 
 export class Camera {

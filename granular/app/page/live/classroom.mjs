@@ -26,6 +26,7 @@ export class Classroom {
   }
 
   load(guesses) {
+    if (guesses.length) this.box.closest("details").open = true;
     if (document.activeElement !== this.box) this.box.value = guesses.join(" ");
   }
 }

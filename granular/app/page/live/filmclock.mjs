@@ -42,7 +42,7 @@ export class FilmClock extends Clock {
   // From the picture in which it waits the film begins with the fall.
   play() {
     if (this.locked() || this.playing) return;
-    if (isStill() && this.film.isFilm) return this.go(1) || this.ended();
+    if (isStill() && this.film.isFilm) return this.loops ? this.poise() : this.go(1) || this.ended(); // the opening gives nothing away
     if (this.share >= 1 || abs(this.share - this.film.poise) < 1e-6) this.go(0);
     super.play();
   }

@@ -66,12 +66,12 @@ export class Picture {
     const { report, predict, state, safe } = this, { scene, finals } = report, { screen, name, values } = state, inLab = screen === LAB, opens = screen === OPENING;
     const { kinds } = scene, names = kinds.map((kind, i) => (kind ? plain(`ball-${kind}`) : String(i))), asks = predict.covered;
     const rises = ["hard", "soft"].filter((engine) => !screenOf(screen).engine || screenOf(screen).engine === engine).flatMap((engine) => finals[engine].map((f) => f.rise)).filter(Number.isFinite);
-    const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches, most = max(scene.drop, 1.05 * max(predict.guess ?? 0, ...(screen === GUESS ? state.guesses : [])) * scene.drop, 1.08 * max(0, ...rises));
+    const most = max(scene.drop, 1.05 * max(predict.guess ?? 0, ...(screen === GUESS ? state.guesses : [])) * scene.drop, 1.08 * max(0, ...rises));
     const grips = (screenOf(screen).grip || (inLab && SETUPS[name].sliders.some((slider) => slider.name === "gap"))) && !asks && scene.gap.length > 1;
     const handle = asks ? { kind: "guess", value: predict.guess, most: SETUPS[name].most } : grips ? { kind: "gap", value: values.gap, most: FARTHEST, safe } : { kind: "" };
     return {
-      asks, opens, kinds, names, handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, guesses: screen === GUESS ? state.guesses : [], gauge: !predict.on && screen > 3 && !inLab,
-      most: asks ? SETUPS[name].most * scene.drop : opens && !isStill ? 1.5 * scene.drop : most, reach: reachOf(report), ghost: grips ? safe : 0,
+      asks, opens, kinds, names, called: (i) => (kinds[i] ? names[i] : plain("ball", { n: i })), handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, guesses: screen === GUESS ? state.guesses : [], gauge: !predict.on && screen > 3 && !inLab,
+      most: asks ? SETUPS[name].most * scene.drop : opens ? 1.5 * scene.drop : most, reach: reachOf(report), ghost: grips ? safe : 0,
     };
   }
 

@@ -61,6 +61,7 @@ export class Story {
     const paragraphs = keys.map((key) => h("p", {}));
     $(".story-text").replaceChildren(...paragraphs);
     keys.forEach((key, i) => told(paragraphs[i], key));
+    $(screenOf(screen).predict ? ".why" : ".story-text").after($(".story-turn")); // a guess comes before what is next
     $(".story-back").hidden = screen <= GUESS;
     $(".story-next").hidden = screen === LAB;
     told($(".story-next"), { [OPENING]: "s1-title", [LAB - 1]: "to-lab" }[screen] ?? "next");

@@ -15,7 +15,7 @@ export class Upright {
   constructor(engine, host) {
     Object.assign(this, { engine, svg: host, lens: new Lens(engine) });
     const part = (name, tag = "g") => (this[name] = svg(tag, { class: name }));
-    this.layers = ["ruler", "tops", "ghosts", "shadow", "balls", "base", "marks", "gauge", "grip", "title", "note"].map((name) => part(name, { shadow: "ellipse", base: "line", title: "text", note: "text" }[name]));
+    this.layers = ["ruler", "ghosts", "shadow", "balls", "base", "tops", "marks", "gauge", "grip", "title", "note"].map((name) => part(name, { shadow: "ellipse", base: "line", title: "text", note: "text" }[name]));
     set(this.title, { x: 10, y: 22, class: "stage-name" });
   }
 
@@ -57,8 +57,8 @@ export class Upright {
     const { camera, scene, w, top } = this, { drop } = scene, rest = camera.place(scene.radius.map(() => 0))[top].zero, [scale] = camera.scales(0);
     this.ruler.innerHTML = ticks([0, camera.most / drop], 5).map((v) => {
       const y = camera.down(rest + v * drop * scale);
-      return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v === 1 ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: y + 4, "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
-    }).join("") + markup("text", { x: w - 10, y: w < NARROW ? 38 : 20, "text-anchor": "end", class: "ruler-tick" }, plain("in-drops"));
+      return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v === 1 ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: min(y + 4, camera.down(5)), "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
+    }).join("") + [plain("in-drops"), plain("zero-is", { ball: this.look.called(top) })].map((words, i) => markup("text", { x: w - 10, y: (w < NARROW ? 38 : 20) + 15 * i, "text-anchor": "end", class: "ruler-tick" }, words)).join("");
   }
 
   // How high the top ball will fly, beside the contact that decides it.
@@ -97,8 +97,8 @@ export class Upright {
     set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
   }
 
-  // From where a ball stands to its highest point, with the number: between the ruler and the balls, or where there is no room
-  // beyond them.
+  // From where a ball stands, dotted, to its highest point, with the number: between the ruler and the balls, or where there is
+  // no room beyond them.
   drawTops(balls, { time, zoom }) {
     const { film, engine, camera, scene, look } = this, widest = max(...balls.map((one) => one.r)), side = this.w < NARROW ? 1 : -1;
     const step = min(30, (side > 0 ? this.w - this.x - widest - 34 : this.x - LEFT - 24) / this.top);
@@ -110,7 +110,9 @@ export class Upright {
       const x = (this.x + side * (widest + 10 + step * (this.top - i))).toFixed(1), [y1, y2] = [zero, max(zero, low)].map((z) => camera.down(z).toFixed(1));
       const line = markup("path", { d: `M${x} ${y1}V${y2}m${5 * side} 0h${-side * (i === this.top ? 40 : 10)}M${x - 5} ${y1}h10`, class: "top-line" });
       const rise = max(0, film.lanes[engine].held[i]) / scene.drop;
-      return line + (look.opens ? "" : markup("text", { x, y: y2 - 6, "text-anchor": "middle", class: `top-value ${engine}` }, digits(rise, 3)));
+      const zeroLine = markup("line", { x1: x, x2: this.x, y1, y2: y1, class: "zero-mark" }), isOut = side > 0 && x > this.w - 40;
+      const place = isOut ? { x: this.w - 3, "text-anchor": "end" } : { x: x - 5 * side, "text-anchor": side > 0 ? "start" : "end" };
+      return zeroLine + line + (look.opens ? "" : markup("text", { ...place, y: y2 - 6, class: `top-value ${engine}` }, digits(rise, 3)));
     }).join("");
   }
 
@@ -142,7 +144,7 @@ export class Upright {
   tellScale(zoom) {
     const { camera, look } = this, [key, n] = zoom > 0.5 ? ["paths-larger", camera.times] : ["balls-larger", camera.larger];
     set(this.note, { x: 10, y: this.tall - 8, class: "ruler-tick" });
-    text(this.note, n <= 1.05 || look.opens ? "" : this.w < NARROW && key === "balls-larger" ? `× ${digits(n, 2)}` : plain(key, { times: [n, "", 2] }));
+    text(this.note, n <= 1.05 || look.opens ? "" : plain(key, { times: [n, "", 2] }));
   }
 
   layLens() {
