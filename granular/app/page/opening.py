@@ -17,7 +17,6 @@ from granular.cases.case import Option
 
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
 """Languages of the pages. All have the same sentences."""
-SHORT_NAMES = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
 DEFAULT_CRADLE_BALLS = 5
 """Default number of balls of the cradle."""
 
@@ -84,15 +83,11 @@ class Language(Setting):
 
 
 class BallSetting(Setting):
-    """Setting whose value is the name of a ball in `granular.balls`.
-
-    `slider` is "1" for the lower ball and "2" for the upper ball. The link contains the properties of the ball.
-    """
+    """Setting whose value is the name of a ball in `granular.balls`. The link contains this name."""
 
     def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the link parameters for all properties of a ball."""
-        ball = balls.BALLS[check.choice(name, value, self.words)]
-        return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT_NAMES.items()}
+        """Return the link parameter of a ball."""
+        return {self.slider: check.choice(name, value, self.words)}
 
 
 class BooleanSetting(Setting):
@@ -127,7 +122,7 @@ def ball_settings(i: int, prefix: str, label: str) -> dict[str, Setting]:
     """
     name = prefix or "ball_"
     return {
-        name.rstrip("_"): BallSetting(str(i), f"{label}: a name of granular.balls", words=tuple(balls.BALLS)),
+        name.rstrip("_"): BallSetting(name.rstrip("_"), f"{label}: a name of granular.balls", words=tuple(balls.BALLS)),
         prefix + "mass": Setting(f"m{i}", f"mass of {label} in kg", 1e-3, 2.0),
         prefix + "radius": Setting(f"r{i}", f"radius of {label} in m", 2e-3, 0.15),
         prefix + "duration": Setting(f"t{i}", f"duration of a bounce of {label} on the floor in s", 1e-5, 0.03),
@@ -206,9 +201,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
     check.known_names(values, known, f"setting of the page {scene}", TypeError)
     if scene == "story" and "at" in values:
         parameters = {"screen": 0}
-    names = [name for name in known if name in values]
-    ordered = sorted(names, key=lambda name: not isinstance(known[name], BallSetting))  # numbers of a ball may differ
-    for name in ordered:
+    for name in filter(values.__contains__, known):
         parameters |= known[name].link_parameters(name, values[name])
     if "moving" in values:
         fix = "At least one ball has to be at rest."

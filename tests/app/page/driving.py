@@ -31,7 +31,7 @@ def go(tab, url):
         fresh(tab, url)
     else:
         language = "" if "lang=" in state else "&lang=en"
-        tab.run(ARRIVED.replace("STATE", f"{state or 'screen=0'}{language}&visit={next(VISITS)}"))
+        tab.run(ARRIVED.replace("STATE", f"{state or 'screen=0'}{language}{'&' * (1 + next(VISITS) % 40)}"))
 
 
 def settle(tab):

@@ -114,7 +114,7 @@ def test_the_link_brings_everything_back(lab, story) -> None:
 def test_a_scene_that_is_none_is_told(blank, story, name) -> None:
     go(blank, f"{story}#scene={name}")
     assert text(blank, ".notice") == f"There is no scene “{name}” here."
-    assert text(blank, ".verdict").startswith("No: balls 1 and 2 have 4 contacts")
+    assert text(blank, ".verdict").startswith("No: hard spheres promise the top ball 3.56")
 
 
 def test_a_value_that_cannot_be_is_told_until_something_changes(blank, story) -> None:

@@ -1,9 +1,55 @@
 """Odd links, a film dragged to its end, and sentences that stand beside each other."""
 
+import re
+from urllib.parse import parse_qsl
+
 import pytest
 
 import granular as gr
-from tests.app.page.driving import click, fresh, go, last_picture, settle, text
+from granular.app.page import live_page
+from tests.app.page.driving import click, fresh, go, last_picture, settle, slide, text
+
+LOWEST = "Math.max(...[...document.querySelectorAll('.stage, .play')].map((e) => e.getBoundingClientRect().bottom))"
+
+
+@pytest.mark.parametrize(("width", "height"), [(1366, 768), (1280, 800), (390, 844)])
+def test_a_named_opening_plays_once_above_the_fold(tab, tmp_path, width, height) -> None:
+    live_page(tmp_path / "named.html", "three-balls", {"language": "en"})
+    tab.size(width, height, mobile=width < 500)
+    fresh(tab, (tmp_path / "named.html").as_uri())
+    assert tab.run(LOWEST) <= height
+    assert tab.run("document.querySelector('.play').getAttribute('aria-label')") == "pause"  # it plays
+    click(tab, ".predict-button")
+    assert tab.run("document.querySelector('.play').getAttribute('aria-label')") == "play"
+    tab.is_worn = True
+
+
+def test_links_carry_the_names_of_balls(blank, story) -> None:
+    """They were seven numbers per ball, and a name was ignored without a word."""
+    fresh(blank, f"{story}#scene=real-balls&lower=football&upper=tennis ball&lang=en")
+    names = "[...document.querySelectorAll('.stage .soft .ball-name')].map((one) => one.textContent)"
+    assert blank.run(names) == ["football", "tennis ball"]
+    assert text(blank, ".notice") == ""
+    go(blank, f"{story}#scene=real-balls&lower=steel ball&upper=golf ball&m2=0.05&lang=en")
+    slide(blank, "gap", 500)
+    blank.wait("location.hash.includes('gap=0.0001')")
+    link = dict(parse_qsl(blank.run("location.hash")[1:]))
+    assert link.keys() == {"scene", "gap", "m2", "r2", "t2", "e2", "air2", "lower", "lang"}
+    assert (link["lower"], link["m2"]) == ("steel ball", "0.05")
+    go(blank, f"{story}#scene=bouncing-ball&ball=golf ball&lang=en")
+    assert blank.run(names) == ["golf ball"]
+
+
+@pytest.mark.parametrize("width", [1366, 390])
+def test_numbers_stay_beside_their_units(page, story, width) -> None:
+    """Lines ended with "1" and began with "m"."""
+    page.size(width, 844, mobile=width < 500)
+    for language in ("en", "fr"):
+        for screen in range(7):
+            go(page, f"{story}#screen={screen}&lang={language}")
+            words = page.run("document.querySelector('.story').innerText + document.querySelector('.verdict').innerText")
+            assert not re.search(r"\d (m|mm|ms|µm|s|%)\b", words)
+
 
 SHOWN = "document.querySelector(%r).checkVisibility()"
 
@@ -14,6 +60,9 @@ SHOWN = "document.querySelector(%r).checkVisibility()"
     ("scene=real-balls&air1=2", "filled with air cannot be 2 here (no, yes): yes is shown."),
     ("scene=three-balls&gap=", "cannot be – here"), ("scene=three-balls&eps=Infinity", "cannot be Infinity here"),
     ("scene=newtons-cradle&n=2&moving=8", "cannot be 8 here (1 – 1): 1 is shown."),
+    ("scene=three-balls&foo=3", "There is no setting “foo” here."),
+    ("scene=three-balls&lower=football", "There is no setting “lower” here."),
+    ("scene=real-balls&lower=medicine ball", "lower cannot be medicine ball here (basketball, football, volleyball"),
 ])
 def test_an_odd_link_opens_the_page_and_is_told(blank, story, link, notice) -> None:
     fresh(blank, f"{story}#{link}&lang=en")

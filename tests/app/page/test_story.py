@@ -92,7 +92,7 @@ def test_numbers_are_beside_the_balls_and_the_zero_has_a_name(page, story, width
         assert above
         assert ruler.endswith(zero)
         assert is_in
-        assert re.fullmatch(r"(balls drawn [\d.]+ × too large)?", note)
+        assert re.fullmatch(r"(balls drawn [\d.]+\s× too large)?", note)
 
 
 def test_a_guess_comes_before_what_is_next(own) -> None:
@@ -247,6 +247,7 @@ def test_on_a_phone_slider_and_stage_are_seen_together(page, story, state) -> No
     page.middle("[data-name=gap]")
     stage, slider = (page.run(PLACE % selector) for selector in (".stage > svg", "[data-name=gap]"))
     assert all(0 <= top < bottom <= 844 for top, bottom in (stage, slider))
+    assert stage[1] <= slider[0]  # not behind the picture, which stays
     for value in (0, 300, 600, 900, 1000):
         page.run(f"{{ const s = document.querySelector('[data-name=gap]'); s.value = {value};"
                  " s.dispatchEvent(new Event('input')); }")

@@ -1,11 +1,12 @@
 // The state of the page in its link: #scene=three-balls&gap=0.0001&… , #screen=3&… , and back.
-import { cleaned, FIRST, refused, SETUPS } from "../physics/setups.mjs";
+import { ballCalled, ballKeys, ballNames, cleaned, FIRST, refused, SETUPS, settingsOf, withNames, withoutNames } from "../physics/setups.mjs";
 import { guessesIn } from "./classroom.mjs";
 import { GUESS, LAB, OPENING, startOf } from "./story.mjs";
 import { inWords } from "./controls.mjs";
 import { told } from "./words.mjs";
 import { floor, max, min } from "../physics/numbers.mjs";
 
+const PAGE_KEYS = ["scene", "screen", "at", "predict", "lang", "guess", "guesses"];
 const QUIET = 250; // ms without a change before the link follows: browsers limit how often it may change
 
 // A link with nothing but a language opens what the file was made for, `start`.
@@ -13,15 +14,23 @@ export function read(hash, start = "") {
   const own = parsed(hash), given = { ...(Object.keys(own).every((key) => key === "lang") ? parsed(start) : {}), ...own }, asked = Number(given.screen);
   const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? OPENING : given.screen && asked >= OPENING && asked < LAB ? floor(asked) : LAB;
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
-  const { name } = begin, all = { ...begin.values, ...given }, isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
-  const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
-  return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : min(1, max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: given.guess };
+  const { name } = begin, values = cleaned(name, { ...begin.values, ...withoutNames(name, given) }), isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
+  const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...unknown(name, given, values), ...refused(name, given).map(refusal)];
+  return { screen, name, values, told: notes, plays: screen === LAB && given.at === undefined && !("scene" in own || "screen" in own), at: given.at === undefined ? null : min(1, max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: given.guess };
 }
 
 // Told first: notes on the rest are in that language.
 export const languageIn = (hash, start = "") => parsed(hash).lang ?? parsed(start).lang;
 
 const parsed = (hash) => Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
+
+// Keys and balls that there are not.
+function unknown(scene, given, values) {
+  const keys = ballKeys(scene), known = [...PAGE_KEYS, ...Object.keys(keys), ...settingsOf(scene)], names = ballNames();
+  const balls = Object.entries(keys).filter(([key]) => key in given && !names.includes(given[key]));
+  return [...Object.keys(given).filter((key) => !known.includes(key)).map((name) => ({ say: "no-setting", name })),
+    ...balls.map(([key, i]) => ({ say: "refused", symbol: key, asked: given[key] || "–", range: names.join(", "), shown: ballCalled(scene, values, i) }))];
+}
 
 const refusal = ({ slider, asked, shown }) => {
   const { symbol, range, shown: instead } = inWords(slider, shown);
@@ -31,7 +40,7 @@ const refusal = ({ slider, asked, shown }) => {
 // `guess` is a pupil's own, `guesses` those of a class.
 export function written({ screen, name, values, at, predict, lang, guesses = [], guess }) {
   const place = screen < LAB ? { screen } : { scene: name };
-  const start = cleaned(name, screen < LAB ? startOf(screen).values : {}), own = Object.fromEntries(Object.entries(values).filter(([key, x]) => x !== start[key]));
+  const start = cleaned(name, screen < LAB ? startOf(screen).values : {}), own = withNames(name, values, start);
   const pairs = { ...place, ...own, ...(at === null ? {} : { at: Number(at.toFixed(3)) }), ...(predict ? { predict: 1 } : {}), ...(guess >= 0 && screen === GUESS ? { guess } : {}), ...(guesses.length ? { guesses: guesses.join(" ") } : {}), ...(lang ? { lang } : {}) };
   return `#${new URLSearchParams(pairs)}`;
 }

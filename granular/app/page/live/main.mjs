@@ -37,7 +37,7 @@ class Page {
     this.controls = new Controls({ changed: (values) => this.change(values), chosen: (name) => this.choose(name) });
     this.spoken = new Spoken();
     this.classroom = new Classroom((guesses) => this.collect(guesses));
-    this.predict = new Predict({ guessed: () => this.guess(), reveal: () => this.reveal(), switched: () => this.run(), uncovered: () => this.redraw() });
+    this.predict = new Predict({ guessed: () => this.guess(), reveal: () => this.reveal(), switched: () => this.clock.pause() || this.run(), uncovered: () => this.redraw() });
     this.picture = new Picture({
       balls: data.balls, picked: (gap) => this.change({ gap: Number(gap.toPrecision(3)) }), guessed: (guess) => this.predict.take(guess),
       stopped: () => follow(() => this.current()), ended: () => this.predict.ended(), predict: this.predict,
@@ -120,11 +120,12 @@ class Page {
   }
 
   // Where the film waits: at the moment of a link; at the touch, seen from near; from far where a guess is asked. The opening
-  // plays by itself.
+  // plays by itself, and so does a scene with which the file opens, once.
   rest() {
     this.clock.pause();
     this.clock.go(this.state.at ?? (this.isAsking ? 0 : this.picture.film.poise));
-    if (this.state.screen === OPENING) this.clock.play();
+    if (this.state.screen === OPENING || (this.state.plays && !this.isAsking)) this.clock.play();
+    this.state.plays = false;
   }
 
   runSoon() {
@@ -138,6 +139,7 @@ class Page {
     const { screen, name, values } = this.state, { only, presets } = screenOf(screen);
     const isOther = this.told !== `${screen} ${languageNow()}`;
     if (isOther) this.arrange(screen);
+    document.body.dataset.scene = name;
     this.classroom.load(this.state.guesses);
     this.controls.load(name, values, { only, presets: presets?.() });
     if (isOther) this.picture.measure();

@@ -7,7 +7,8 @@ import { digits, quantity, writeDecimalsWith } from "../shell/format.mjs";
 
 export const data = JSON.parse($("#data").textContent);
 const keys = data.keys.split(" ");
-const wordsIn = (sentences) => Object.fromEntries(sentences.split("\n").map((sentence, i) => [keys[i], sentence]));
+const BEFORE_UNIT = /([\d}]) (?=(?:[mkµ]?[msg]|m\/s|[%×])(?![\wÀ-ž]))/g; // a number stays beside its unit
+const wordsIn = (sentences) => Object.fromEntries(sentences.replace(BEFORE_UNIT, "$1\u00a0").split("\n").map((sentence, i) => [keys[i], sentence]));
 const words = Object.fromEntries(Object.entries(data.sentences).map(([one, sentences]) => [one, wordsIn(sentences)]));
 export const LANGUAGES = Object.keys(words);
 let language = "", plural = null;
@@ -37,7 +38,7 @@ function chosen(forms, count) {
 }
 
 function shown(value) {
-  if (Array.isArray(value)) return quantity(...value).replace(" ", "\u00a0"); // a number stays beside its unit
+  if (Array.isArray(value)) return quantity(...value).replace(" ", "\u00a0");
   if (value !== null && typeof value === "object") return say(value.say, value);
   return typeof value === "number" ? digits(value) : String(value ?? "");
 }

@@ -75,6 +75,36 @@ export const FIRST = "three-balls"; // what a link without a scene means
 export const ballValues = ([mass, radius, duration, restitution, filled], i) =>
   ({ [`m${i}`]: mass, [`r${i}`]: radius, [`t${i}`]: duration, [`e${i}`]: restitution, [`air${i}`]: Number(filled) });
 
+const NAMED = { "real-balls": { lower: 1, upper: 2 }, "bouncing-ball": { ball: 1 } }, BALLS = {}; // balls of a link; their values, by names
+
+// The names that a link can have, and the number of the ball.
+export const ballKeys = (scene) => NAMED[scene] ?? {};
+export const ballNames = () => Object.keys(BALLS);
+export const settingsOf = (scene) => SETUPS[scene].sliders.map(({ name }) => name);
+
+const valuesOf = (scene, name, i) => Object.fromEntries(Object.entries(ballValues(BALLS[name], i)).filter(([key]) => settingsOf(scene).includes(key)));
+
+// The name of ball i, if it has one.
+export const ballCalled = (scene, values, i) => ballNames().find((name) => Object.entries(valuesOf(scene, name, i)).every(([key, x]) => values[key] === x));
+
+// Numbers in place of the names of balls; numbers that are given as well count.
+export function withoutNames(scene, given) {
+  const known = Object.entries(ballKeys(scene)).filter(([key]) => Object.hasOwn(BALLS, given[key] ?? ""));
+  return Object.assign({}, ...known.map(([key, i]) => valuesOf(scene, given[key], i)), given);
+}
+
+// What is other than at the start, with the names of balls in place of their numbers.
+export function withNames(scene, values, start) {
+  const other = Object.fromEntries(Object.entries(values).filter(([key, x]) => x !== start[key]));
+  for (const [key, i] of Object.entries(ballKeys(scene))) {
+    const name = ballCalled(scene, values, i);
+    if (!name || name === ballCalled(scene, start, i)) continue;
+    for (const number in ballValues(BALLS[name], i)) delete other[number];
+    other[key] = name;
+  }
+  return other;
+}
+
 const GAPS = [], KINDS = []; // from which gap on hard spheres are right, by balls; radii, by names
 
 export function enoughFor(values) {
@@ -82,6 +112,7 @@ export function enoughFor(values) {
 }
 
 export function offer({ balls, pairs }) {
+  Object.assign(BALLS, balls);
   for (const [lower, upper, gap] of pairs) {
     const both = { ...ballValues(balls[lower], 1), ...ballValues(balls[upper], 2) };
     SETUPS["real-balls"].presets[`${lower}+${upper}`] = { ...both, gap: 1e-3, height: 1, rule: 0, bounces: 1 };
