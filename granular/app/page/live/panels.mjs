@@ -55,9 +55,7 @@ function figures({ scene, hard, soft, pairs, finals }, setup) {
     [`figure-${setup.measured}`, number(hard), number(soft), undecided(finals, last, scene) || (scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] }))],
   ];
   if (scene.gravity) {
-    const [hardly, softly] = ENGINES.map((engine) => thrown(finals[engine][last], scene) / scene.impact);
-    const leaving = say("figure-impact", { hard: hardly, soft: softly, v: [scene.impact, "m/s"] });
-    parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), leaving]);
+    parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), ""]);
   }
   parts.push(["figure-shared", ...[0, shared].map((n) => say("percent", { n })), say("figure-binary")]);
   showFigures($(".figures"), parts);
