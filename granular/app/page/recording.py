@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -64,7 +64,7 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "engine": "soft" if run.rule is None else "hard",
         "scene": scene_in_words(run.scene),
         "about": about(run),
-        "upright": run.scene.gravity > 0.0,
+        "upright": is_upright(run.scene),
         "status": run.status.name,
         "message": run.message,
         "bodies": as_base64(bodies),
@@ -274,13 +274,18 @@ def about(run: Trajectory) -> list[list[str]]:
     ]
 
 
+def is_upright(scene: Scene) -> bool:
+    """Whether a scene is drawn upright: with gravity, or with a floor and nothing above the balls."""
+    return scene.gravity > 0.0 or bool(scene.is_wall[0] and not scene.is_wall[-1])
+
+
 def scene_in_words(of: Scene) -> str:
     """Return a description of a scene: balls, ends and forces.
 
-    Without gravity the floor and the ceiling are called walls.
+    Without gravity a floor and a ceiling are called walls. A floor alone is called floor.
     """
     text = short_text(str(of)[len("Scene(") : -1])
-    if of.gravity == 0.0:
+    if not is_upright(of):
         for named, words in WALL_NAMES.items():
             text = text.replace(named, words)
     return text
@@ -305,11 +310,16 @@ def _laws_text(run: Trajectory) -> str:
     of_law = pairs_by_law(laws or ())
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
     n = run.scene.n_pairs
-    shown = [f"{named_pairs(pairs, n, run.scene.pairs.name)}: " * (len(pairs) < n)
+    shown = [f"{named_pairs(pairs, n, _names_of_pairs(run.scene))}: " * (len(pairs) < n)
              + short_text(law) + _eps_text(eps[pairs])
              for law, pairs in list(of_law.items())[:MAX_LISTED_VALUES]]
     left_out = len(of_law) - len(shown)
     return "; ".join(shown) + f"; {left_out} more" * (left_out > 0)
+
+
+def _names_of_pairs(scene: Scene) -> Callable[[int], str]:
+    """Return the names of pairs as the pictures have them: balls are counted from 1."""
+    return scene.pairs.name if scene.is_wall[0] else lambda pair: f"{pair + 1}–{(pair + 1) % scene.n + 1}"
 
 
 def _eps_text(values: Array) -> str:

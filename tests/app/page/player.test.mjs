@@ -54,6 +54,18 @@ test("at any rate of pictures the clock goes on, jumps over no episode and stays
   }
 });
 
+test("displacements too small to be seen are enlarged by a round number, overlaps to no more than a share of a radius", async () => {
+  globalThis.window ??= {};
+  const { enlargement, reach } = await import("../../../granular/app/page/player/balls.mjs");
+  const row = (last, overlap = 0) => ({ width: 2, radius: [0.1, 0.1], offset: [0, 0.2], path: [0, 0, overlap, last] });
+  const times = enlargement([row(0), row(0.001)]);
+  assert.equal(times, 100); // to 0.1 m, which is less than 0.3 of 0.4 m
+  assert.ok(Math.abs(reach([row(0.001)], times)[1] - 0.4) < 1e-12);
+  assert.equal(enlargement([row(0.5)]), 1);
+  assert.equal(enlargement([row(0)]), 1);
+  assert.equal(enlargement([row(0.001, 0.003)]), 20); // 0.002 m deep: 0.04 m of 0.06 m
+});
+
 const packed = (array) => Buffer.from(array.buffer).toString("base64"), floats = (...x) => packed(new Float32Array(x)), doubles = (...x) => packed(new Float64Array(x));
 
 test("a hard run is read back: contacts end when they begin, there is no map, a row twice is a step", () => {

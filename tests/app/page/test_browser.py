@@ -301,6 +301,26 @@ def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> N
     assert tab.complaints == []
 
 
+def test_the_player_shows_motion_and_says_what_is_enlarged(tab, tmp_path) -> None:
+    """A cradle stood still for 9 s, a gas was specks, and a column on a floor lay on its side."""
+    rule, cradle, gas = gr.ConstantRestitution(0.95), gr.scenes.newtons_cradle(n=5, gap=1e-6), gr.scenes.gas(n=50)
+    runs = [gr.edmd.simulate(cradle, rule, until=gr.until.separated(), samples=50),
+            gr.edmd.simulate(gas, rule, t_end=float(gas.gap.mean()), samples=50),
+            gr.edmd.simulate(gr.scenes.column(n=3), rule, t_end=1.0, samples=50)]
+    told, upright = [], []
+    tab.size(1280, 900)
+    for run in runs:
+        player_page(tmp_path / "motion.html", [run])
+        fresh(tab, (tmp_path / "motion.html").as_uri(), "drawn")
+        told.append(text(tab, ".now-key"))
+        upright.append(tab.run("document.querySelectorAll('.run-box.upright').length"))
+    assert told[0] == "balls now; displacements and overlaps × 50"
+    assert told[1].startswith("balls now; smallest drawn × 3.")
+    assert told[2] == "balls now"
+    assert upright == [0, 0, 1]
+    assert tab.complaints == []
+
+
 def test_a_run_that_is_over_in_an_instant_is_shown(tab, tmp_path) -> None:
     """Touching hard balls pass a blow on at once: there was no scale of time, and the film was slowed infinitely."""
     run = gr.edmd.simulate(gr.scenes.newtons_cradle(3), gr.ConstantRestitution(1.0))

@@ -24,8 +24,8 @@ export function decoded(raw) {
   return run;
 }
 
-// Positions at any time between the rows kept: straight lines.
-export function positionsAt(run, t, out) {
+// Positions at any time between the rows kept: straight lines. Displacements and overlaps can be drawn `times` larger than balls.
+export function positionsAt(run, t, out, times = 1) {
   const { time, width, path, offset } = run;
   let low = 0, high = time.length - 1;
   while (high - low > 1) {
@@ -34,7 +34,7 @@ export function positionsAt(run, t, out) {
     else high = middle;
   }
   const step = time[high] - time[low], share = step > 0 ? Math.min(1, Math.max(0, (t - time[low]) / step)) : 0;
-  for (let i = 0; i < width; i++) out[i] = offset[i] + (1 - share) * path[low * width + i] + share * path[high * width + i];
+  for (let i = 0; i < width; i++) out[i] = offset[i] + times * ((1 - share) * path[low * width + i] + share * path[high * width + i]);
   return out;
 }
 

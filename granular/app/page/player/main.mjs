@@ -2,7 +2,7 @@
 import { Clock } from "../shell/clock.mjs";
 import { $, h, set, text } from "../shell/dom.mjs";
 import { digits, inThousands, quantity } from "../shell/format.mjs";
-import { beginBalls, drawBalls, reach } from "./balls.mjs";
+import { beginBalls, drawBalls, enlargement, reach } from "./balls.mjs";
 import { decoded } from "./decode.mjs";
 import { episodes, later, nextEpisode, slowable } from "./episodes.mjs";
 import { showFacts } from "./facts.mjs";
@@ -58,7 +58,8 @@ class Player {
     if (!(this.whole[1] > this.whole[0])) this.whole[1] = this.whole[0] + 1; // touching balls may be done in an instant
     this.span = this.whole;
     this.episodes = episodes(this.runs, this.whole);
-    this.range = this.runs.map(reach).reduce((a, b) => [Math.min(a[0], b[0]), Math.max(a[1], b[1])]);
+    this.times = enlargement(this.runs);
+    this.range = reach(this.runs, this.times);
     text($(".player-title"), title);
     text($(".scene-line"), this.runs[0].scene);
     this.offer();
@@ -97,7 +98,7 @@ class Player {
     const law = run.about.slice(0, 1).map(([, said]) => h("p", { class: "about" }, said));
     const kind = `${run.engine} spheres`, heading = run.name === kind ? kind : `${run.name}: ${kind}`;
     box.append(h("h2", { class: run.engine }, heading), ...law, sides);
-    const now = h("div", {}, h("p", { class: "key" }, "now")), flat = run.n > 40 ? 84 : 130;
+    const now = h("div", {}, h("p", { class: "key now-key" })), flat = run.n > 40 ? 84 : 130;
     sides.append(now, over);
     const balls = new Picture(now, run.upright ? 420 : flat, "balls now", run.upright ? { left: 46, right: 4, bottom: 8 } : { left: 14, top: 6 });
     over.append(h("p", { class: "key lines-key" }));
@@ -130,7 +131,7 @@ class Player {
       text($(".lines-key", box), drawn(lines, run, this.runs, this.span));
       drawContacts(map, run, this.span);
       drawEnergy(energy, run, this.runs, this.span);
-      beginBalls(balls, run, this.range);
+      text($(".now-key", box), beginBalls(balls, run, this.range, this.times));
     }
     if (this.clock) this.show(this.clock.time);
   }

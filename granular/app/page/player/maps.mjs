@@ -74,8 +74,9 @@ function laneNames(run, each) {
 
 export const pairName = (run, pair) => `${bodyName(run, pair)}–${bodyName(run, (pair + 1) % run.n)}`;
 
-function bodyName({ walls, upright }, body) {
-  if (!walls.includes(body)) return String(body);
+// As in the teaching page: balls are counted from 1, also where there is no floor.
+export function bodyName({ walls, upright }, body) {
+  if (!walls.includes(body)) return String(walls.includes(0) ? body : body + 1);
   if (!upright) return "wall";
   return body ? "ceiling" : "floor";
 }

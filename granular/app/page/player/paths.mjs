@@ -1,7 +1,7 @@
 // Curves over time: positions, the distance of one pair, energy.
 import { extent, roomy } from "./picture.mjs";
 
-const LOOKS = { hard: [6, 4], soft: [] }, FEW_ROWS = 12;
+const LOOKS = { hard: [6, 4], soft: [] }, FEW_ROWS = 12, DASHED = 10; // bodies, beyond which dashes confuse
 
 // Rows of a run within a span of time, and the next ones outside.
 function rows({ time }, [t0, t1]) {
@@ -33,7 +33,7 @@ function draw(picture, run, of, strong = true) {
     for (let i = 0; i < n; i += stride) {
       picture.stroke(`--${run.engine}`, n > 60 ? 0.6 : 1.5, () => {
         for (let r = first; r <= last; r++) pen.lineTo(picture.x(run.time[r]), picture.y(of(run, r)[i]));
-      }, LOOKS[run.engine]);
+      }, n > DASHED ? [] : LOOKS[run.engine]);
     }
     if (last - first < FEW_ROWS) for (let i = 0; i < n; i += stride) for (let r = first; r <= last; r++) dot(pen, picture.x(run.time[r]), picture.y(of(run, r)[i]));
   });
