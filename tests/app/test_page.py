@@ -119,7 +119,8 @@ def test_a_script_keeps_its_texts_and_patterns() -> None:
 
 def test_names_are_shortened_but_not_in_texts() -> None:
     source = 'const a = `speed ${speed(1)}`, b = "speed", c = [speed, t.speeds]; // speed\n'
-    assert assemble._renamed(source, {"speed": "$0"}) == 'const a = `speed ${$0(1)}`, b = "speed", c = [$0, t.speeds];\n'
+    renamed = 'const a = `speed ${$0(1)}`, b = "speed", c = [$0, t.speeds];\n'
+    assert assemble._renamed(source, {"speed": "$0"}) == renamed
     for main_module in (assemble.LIVE_PARTS[1], assemble.PLAYER_PARTS[1]):
         assert len(assemble._bundle_with_short_names(main_module)) < 0.99 * len(assemble.bundle(main_module))
 

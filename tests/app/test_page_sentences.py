@@ -7,10 +7,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import granular as gr
 from granular.app.page import assemble
-from tests.app.page.make_golden import compared
+from tests.app.page.make_golden import compared, contacts_of, scene_of
 
 HERE = Path(__file__).parent / "page"
 NUMBER = re.compile(r"−?\d+(?:[.,]\d+)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?")
@@ -103,19 +105,32 @@ def test_every_number_of_the_answer_is_the_librarys(count, languages, tmp_path) 
     assert {"heights-no", "heights-yes", "verdict-counts"} <= keys
 
 
-def test_the_times_of_the_reason_are_the_librarys(tmp_path) -> None:
+@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.soak)])
+def test_times_and_share_of_the_reason_are_the_librarys(count, tmp_path) -> None:
+    """The share of a push is summed at 80 instants, as the page does, from the forces of the library."""
     cases = json.loads((HERE / "golden.json").read_text(encoding="utf-8"))
-    cases = [one for one in cases[3:60:5] if one["soft"]["velocity"] and one["values"].get("bounces") != 2][:4]
-    seen = 0
-    for case, [_, (key, [sentence], slots)] in zip(cases, told(cases, ["en"], tmp_path), strict=True):
+    cases = [one for one in cases if one["error"] is not None and one["values"].get("bounces") != 2][3 :: 350 // count]
+    cases, seen = cases[:count], 0
+    for case, [_, (_, [sentence], slots)] in zip(cases, told(cases, ["en"], tmp_path), strict=True):
         if "lasts" not in slots:
             continue
-        log, (lasts, _), (arrives, _) = compared(case["scene"], case["values"], "left").soft.contacts, *(
-            slots[name] for name in ("lasts", "arrives"))
-        durations, begins = log["t_end"] - log["t_begin"], log["t_begin"]
-        assert min(abs(durations - lasts)) < 1e-9 * lasts, (case, sentence)
-        assert min(abs(begins[:, None] - begins[None, :] - arrives).ravel()) < 1e-9
-        shown = [float(number) * SECONDS[unit] for number, unit in re.findall(r"([\d.]+)\xa0?\s?([mµn]?s)\b", sentence)]
-        assert abs(shown[0] / lasts - 1.0) < 6e-3, sentence
+        name, values, (lasts, _), (arrives, _) = case["scene"], case["values"], slots["lasts"], slots["arrives"]
+        soft = compared(name, values, "left").soft
+        if np.isnan(soft.contacts["t_end"]).any():
+            continue  # the page follows balls that settle for longer
+        log = soft.contacts
+        nexts = [(push, log[(log["pair"] == push["pair"] + 1) & (log["t_end"] >= push["t_begin"])]) for push in log
+                 if abs(push["t_end"] - push["t_begin"] - lasts) < 1e-9 * lasts]
+        push, near = next(one for one in nexts if (abs(one[1]["t_begin"][:1] - one[0]["t_begin"] - arrives) < 1e-9).any())
+        times = push["t_begin"] + (np.arange(80) + 0.5) / 80 * lasts
+        scene, until = scene_of(name, values)
+        k, eps = contacts_of(name, values, scene.n_pairs)
+        law = [gr.LinearDashpot.from_restitution(*of, p) for *of, p in zip(eps, k, scene.pairs, strict=True)]
+        force = gr.md.simulate(scene, law, until=until, samples=times, t_end=times[-1]).force[:, push["pair"]]
+        both = ((near["t_begin"] <= times[:, None]) & (times[:, None] <= near["t_end"])).any(axis=1)
+        share = 100.0 * force[both].sum() / force.sum()
+        shown = re.search(r"([\d.]+)\s(ns|µs|ms|s)\b.*?(?:([\d.]+)\s%|$)", sentence)
+        assert float(shown[1]) * SECONDS[shown[2]] == pytest.approx(lasts, rel=6e-3), sentence
+        assert share == pytest.approx(float(shown[3] or 0.0), abs=0.51 if share > 10 else 0.051), (sentence, share)
         seen += 1
-    assert seen > 0
+    assert seen > count // 4

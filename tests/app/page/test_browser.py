@@ -21,8 +21,8 @@ def time_bar(tab):
 
 def test_the_paper_is_what_the_laboratory_opens_with(page, live) -> None:
     fresh(page, live)
-    told = ("No: hard spheres promise the top ball 3.56 drop heights, soft ones 0.53; balls 1 and 2 have 4 contacts, not"
-            " 1; the error is 68 % of the fastest impact.")
+    told = ("No: hard spheres promise the top ball 3.56 drop heights, soft ones 0.53; balls 1 and 2 have 4 contacts,"
+            " not 1; the error is 68 % of the fastest impact.")
     assert text(page, ".verdict") == told
     assert page.run("document.querySelectorAll('.stage svg .ball').length") == 4
 

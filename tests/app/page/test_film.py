@@ -143,7 +143,8 @@ HELD = "document.querySelector('.hard .grip').getAttribute('aria-valuetext')"
 def test_the_ball_is_dragged_until_both_agree(page, way) -> None:
     turn(page, 5)
     settle(page)
-    told = "No: hard spheres promise the top ball 3.95 drop heights, soft ones 2.32; the error is 24 % of the fastest impact."
+    told = ("No: hard spheres promise the top ball 3.95 drop heights, soft ones 2.32; the error is 24 % of the fastest"
+            " impact.")
     assert text(page, ".verdict") == told
     assert text(page, ".because-line") == (
         "The push between floor and basketball lasts 12.9 ms. 88 % of it happens while basketball and tennis ball touch"

@@ -71,7 +71,8 @@ BESIDE = """
   const box = (selector) => [...view.querySelectorAll(selector)].map((one) => one.getBoundingClientRect());
   const zero = box('.ruler text')[0], floor = box('.floor')[0], note = view.querySelector(':scope > .ruler-tick');
   return [box('.top-value').every((word) => box('.face').every((ball) =>
-    word.right <= ball.left + 1 || ball.right <= word.left + 1 || word.bottom <= ball.top + 4 || ball.bottom <= word.top + 4)),
+    word.right <= ball.left + 1 || ball.right <= word.left + 1 ||
+    word.bottom <= ball.top + 4 || ball.bottom <= word.top + 4)),
     zero.bottom <= floor.top + 4, view.querySelector('.ruler').textContent, note.textContent,
     note.getBoundingClientRect().right <= view.getBoundingClientRect().right];
 })
@@ -208,7 +209,8 @@ def test_the_shared_part_of_the_push_is_named_by_what_both_themes_show(blank, st
     for scheme in ("light", "dark"):
         blank.media(prefers_color_scheme=scheme)
         go(blank, f"{story}#screen=4&lang=en")
-        fills = [blank.run(f"getComputedStyle(document.querySelector('.push-{part}')).fill") for part in ("all", "both")]
+        fill = "getComputedStyle(document.querySelector('.push-%s')).fill"
+        fills = [blank.run(fill % part) for part in ("all", "both")]
         assert fills[0] == "none" != fills[1]
     blank.media()
 
