@@ -140,7 +140,10 @@ def _bundle_with_short_names(main: str) -> str:
 
 
 def _renamed(source: str, short: Mapping[str, str]) -> str:
-    """Replace names of a script, but not in its comments, texts and patterns; in templates only inside ``${}``."""
+    """Replace names of a script, and remove its comments.
+
+    Texts and patterns are kept. In template strings only names inside ``${}`` are replaced.
+    """
     word = re.compile(r"(?<![\w$])(?:" + "|".join(map(re.escape, short)) + r")(?![\w$])")
     parts, end, source = [], 0, COMMENT_PATTERN.sub("", source)
     for literal in LITERAL_PATTERN.finditer(source):

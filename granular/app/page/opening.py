@@ -83,7 +83,10 @@ class Language(Setting):
 
 
 class BallSetting(Setting):
-    """Setting whose value is the name of a ball in `granular.balls`. The link contains this name."""
+    """Setting whose value is the name of a ball in `granular.balls`.
+
+    The link contains this name.
+    """
 
     def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
         """Return the link parameter of a ball."""

@@ -275,7 +275,7 @@ def about(run: Trajectory) -> list[list[str]]:
 
 
 def is_upright(scene: Scene) -> bool:
-    """Whether a scene is drawn upright: with gravity, or with a floor and nothing above the balls."""
+    """Whether a scene is drawn upright: with gravity, or with a floor alone."""
     return scene.gravity > 0.0 or bool(scene.is_wall[0] and not scene.is_wall[-1])
 
 

@@ -116,7 +116,7 @@ def test_far_from_right_is_not_nearly(page, story) -> None:
     superball, small = "m1=0.045&r1=0.0225&t1=0.004&e1=0.88&air1=0", "m2=0.0098&r2=0.0135&t2=0.0024&e2=0.88&air2=0"
     go(page, f"{story}#screen=6&{superball}&{small}&gap=0.005&bounces=1&lang=en")
     assert text(page, ".verdict-words") == (
-        "No, though the heights agree, 3.62 and 3.58 drop heights; superball leaves at 1.56 instead of 1.09 m/s; the"
+        "No, though the heights agree, 3.62 and 3.58 drop heights; the superball leaves at 1.56 instead of 1.09 m/s; the"
         " error is 5.6 % of the fastest impact.")
 
 
@@ -131,6 +131,11 @@ def test_touching_balls_are_told_with_the_heights_of_two_rules(page, story) -> N
     go(page, f"{story}#scene=newtons-cradle&gap=0&at=0&lang=en")
     lens = "[...document.querySelectorAll('.lens-value')].map((one) => one.textContent)"
     assert page.run(lens) == ["0, touching"] * 2
+    page.size(390, 844, mobile=True)
+    go(page, f"{story}#scene=real-balls&gap=0&lang=de")
+    ends = "['.lens-value', 'svg'].map((one) => document.querySelector(`.stage ${one}`).getBoundingClientRect().right)"
+    word, view = page.run(ends)
+    assert word <= view
 
 
 def test_held_as_far_apart_as_is_offered_the_answer_is_yes(page, story) -> None:

@@ -35,6 +35,8 @@ export class Lens {
       set(circle, upright ? { cx, cy: (cy + side * half).toFixed(2), r: big } : { cx: (cx + side * half).toFixed(2), cy, r: big });
     }
     set(this.stalk, { x1: touch[0], y1: touch[1], x2: cx - r, y2: cy });
-    text(this.value, abs(distance) < this.least ? plain("touching") : quantity(distance, "m", 2));
+    const isTouch = abs(distance) < this.least;
+    set(this.value, { x: isTouch ? cx + r : cx, "text-anchor": isTouch ? "end" : "middle" });
+    text(this.value, isTouch ? plain("touching") : quantity(distance, "m", 2));
   }
 }

@@ -39,13 +39,13 @@ export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEI
   const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, isEarly(twin) ? own : once(twin), unit);
   const report = { ...both, scene, eps, k, hard, rule: ties, tieErrors: others, unchecked: isEarly(twin) || others.some(([, e]) => Number.isNaN(e)), ...self, finals: { hard: finals(hard), soft: finals(soft) } };
   const judged = verdict({ ...report, patience });
-  return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...judged, otherRise: riseUnder(judged.verdict.worst, report, patience.follow) };
+  return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...judged, otherRise: riseUnder(judged.verdict.worst, report, patience) };
 }
 
 // How high the top ball rises under another tie rule.
-function riseUnder(ties, { scene, eps }, follow) {
+function riseUnder(ties, { scene, eps }, { maxEvents, follow }) {
   if (!ties || !scene.gravity) return NaN;
-  const run = simulateHard(scene, eps, { ties });
+  const run = simulateHard(scene, eps, { ties, maxEvents });
   findTops(run, follow);
   return riseIn(run, scene.mass.length - 1);
 }

@@ -11,7 +11,7 @@ const UPRIGHT = { left: "lower", right: "upper" };
 const ANSWERS = { forever: "no", sinks: "no", counts: "no", off: "no", "yes, overlap": "yes" };
 
 // A ball has its number, a real one its kind.
-const ballName = ({ kinds, mass }, i) => (kinds?.[i] ? { say: `ball-${kinds[i]}` } : { say: "ball", n: mass[0] === Infinity ? i : i + 1 });
+const ballName = ({ kinds, mass }, i) => (kinds?.[i] ? { say: "the", ball: { say: `ball-${kinds[i]}` } } : { say: "ball", n: mass[0] === Infinity ? i : i + 1 });
 
 // Two balls are told by their numbers, real ones by what they are.
 export const pairName = (scene, c) => {
