@@ -53,9 +53,11 @@ STYLE_SPACE_PATTERN = re.compile(
     r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)", re.MULTILINE
 )
 """Unnecessary spaces of a style sheet."""
+CONSTANTS_PATTERN = re.compile(r"^(?:export )?const (?!.*=>).*$", re.MULTILINE)
+"""Lines of a module that define several constants."""
 DEFINITION_PATTERN = re.compile(
-    r"^(?:export )?(?:const|let|(?:async )?function\*?|class) ([\w$]{4,})", re.MULTILINE)
-"""Names that a module defines at its top level."""
+    r"^(?:export )?(?:const|let|(?:async )?function\*?|class) ([\w$]{3,})", re.MULTILINE)
+"""Names that a module defines at its top level, one per line."""
 LITERAL_PATTERN = re.compile("|".join(LITERAL_PATTERNS))
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
@@ -132,8 +134,10 @@ def _bundle_with_short_names(main: str) -> str:
     A name that occurs as a property, as a key or in a shorthand such as ``{ name }`` anywhere is kept.
     """
     modules = list(map(part_text, dict.fromkeys(_needed_modules(main))))
-    code = "".join(COMMENT_PATTERN.sub("", IMPORT_PATTERN.sub("", module)) for module in modules)
-    names = [name for name in dict.fromkeys(DEFINITION_PATTERN.findall("".join(modules))) if not re.search(
+    code = CONSTANTS_PATTERN.sub(
+        lambda line: re.sub(r", (?=[\w$]+ = )", "\nconst ", line[0]),
+        "".join(COMMENT_PATTERN.sub("", IMPORT_PATTERN.sub("", module)) for module in modules))
+    names = [name for name in dict.fromkeys(DEFINITION_PATTERN.findall(code)) if not re.search(
         rf"\.{name}\b|\b{name}:|[{{,]\s*{name}\s*[,}}=]", code)]
     short = {name: f"${i:x}" for i, name in enumerate(names)}
     return "\n".join(_minified(_renamed(IMPORT_PATTERN.sub("", module), short)) for module in modules)
