@@ -146,3 +146,13 @@ def test_a_wall_that_is_shaken_is_drawn_where_it_is():
     path, offset = (np.frombuffer(base64.b64decode(data[name]), np.float32) for name in ("path", "offset"))
     assert path.reshape(201, 2)[:, 0] + offset[0] == pytest.approx(0.5 * np.sin(2.0 * math.pi * run.time), abs=1e-6)
     assert data["account"] == []
+
+
+def test_real_balls_have_their_names_and_others_numbers() -> None:
+    case = gr.cases.make("real-balls", lower="basketball", upper="golf ball", gap=1e-3)
+    run = gr.edmd.simulate(case.scene, case.rule, t_end=0.1)
+    assert recording.recorded(run, "run")["kinds"] == {1: "basketball", 2: "golf ball"}
+    chain = gr.edmd.simulate(gr.scenes.chain(n=3), gr.ConstantRestitution(1.0), t_end=0.1)
+    assert recording.recorded(chain, "run")["kinds"] == {}
+    laws = [gr.ConstantRestitution(0.9), gr.ConstantRestitution(0.8)]
+    assert recording.about(gr.edmd.simulate(chain.scene, laws, t_end=0.1))[0][1].startswith("pair 1–2: ")

@@ -121,7 +121,8 @@ def test_times_and_share_of_the_reason_are_the_librarys(count, tmp_path) -> None
         log = soft.contacts
         nexts = [(push, log[(log["pair"] == push["pair"] + 1) & (log["t_end"] >= push["t_begin"])]) for push in log
                  if abs(push["t_end"] - push["t_begin"] - lasts) < 1e-9 * lasts]
-        push, near = next(one for one in nexts if (abs(one[1]["t_begin"][:1] - one[0]["t_begin"] - arrives) < 1e-9).any())
+        late = [abs(near["t_begin"][:1] - push["t_begin"] - arrives) < 1e-9 for push, near in nexts]
+        push, near = next(one for one, fits in zip(nexts, late, strict=True) if fits.any())
         times = push["t_begin"] + (np.arange(80) + 0.5) / 80 * lasts
         scene, until = scene_of(name, values)
         k, eps = contacts_of(name, values, scene.n_pairs)

@@ -23,6 +23,7 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.reports import named_pairs, pairs_by_law, short_text
+from granular.cases.balls import BALLS
 from granular.comparison.measures import BALANCE_LABELS, balance, impact_speed
 from granular.laws.kinds import resolved
 from granular.md.binary import restitution_or_nan
@@ -39,6 +40,8 @@ RUN_POINTS, FLIGHT_POINTS = 200, 8
 """Number of points on curved paths, for the whole run and between contacts."""
 SAMPLE_TOLERANCE = 1e-6
 """Tolerance for the reproduction of a sample, relative to the range of the paths."""
+MAX_NAMED_BODIES = 10
+"""Maximum number of bodies that have the names of real balls in the pictures."""
 MAX_LISTED_VALUES = 6
 """Maximum number of values or laws that are listed one by one."""
 WALL_NAMES = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
@@ -72,6 +75,7 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "pairs": run.scene.n_pairs,
         "radius": as_base64(run.scene.radius[bodies]),
         "walls": np.flatnonzero(run.scene.is_wall).tolist(),
+        "kinds": kinds(run.scene, bodies),
         "time": as_base64(shown.time, np.float64),
         "span": [float(run.time[0]), float(run.time[-1])],
         "offset": as_base64((run.position[0] - points(with_samples(run, evenly_spaced(1, 1)))[0])[bodies]),
@@ -272,6 +276,13 @@ def about(run: Trajectory) -> list[list[str]]:
         ["radii, m", _values_text(scene.radius[balls])], ["gaps at the start, m", _values_text(scene.gap)],
         ["velocities at the start, m/s", _values_text(scene.velocity)],
     ]
+
+
+def kinds(scene: Scene, bodies: np.ndarray[Any, np.dtype[np.int64]]) -> dict[int, str]:
+    """Return the names of the real balls among a few bodies, by body."""
+    known = {(ball.mass, ball.radius): name for name, ball in BALLS.items()}
+    named = {int(i): known.get((float(scene.mass[i]), float(scene.radius[i])), "") for i in bodies}
+    return {i: name for i, name in named.items() if name and len(bodies) <= MAX_NAMED_BODIES}
 
 
 def is_upright(scene: Scene) -> bool:

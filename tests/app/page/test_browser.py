@@ -186,6 +186,20 @@ def test_a_collapse_shows_nothing_unfinished(blank, story) -> None:
     assert blank.run("window.saved.trim().split('\\r\\n').pop()").startswith('note,"Hard spheres collide without end')
 
 
+def test_overlaps_too_deep_for_a_force_law_are_told_as_by_the_library(blank, story) -> None:
+    case = gr.cases.make("real-balls", lower="basketball", upper="tennis ball", gap=1e-3, height=1.0, pair_rule="lens")
+    report = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
+    go(blank, f"{story}#scene=real-balls&lang=en")
+    blank.run("document.querySelector('.table-box details').open = true")
+    log, radius = report.soft.contacts, case.scene.radius  # of the two pairs, the balls overlap more
+    share = f"{100.0 * log['xi_max'][log['pair'] == 1].max() / radius[2]:.2g}"
+    assert float(share) > 100.0 * log["xi_max"][log["pair"] == 0].max() / radius[1] > 10.0
+    told = (f"basketball and tennis ball overlap by {share} % of the smaller radius; force laws are valid up to about"
+            " 10 %.")
+    blank.wait(f"document.querySelector('.finals-note').textContent.replace(/\u00a0/g, ' ') === {told!r}")
+    blank.is_worn = True
+
+
 def test_elastic_balls_do_not_wait_for_rounding(blank, story) -> None:
     go(blank, f"{story}#scene=newtons-cradle&eps=1&gap=0.000136&n=7&moving=5&k=25100000&speed=0.451")
     assert text(blank, ".verdict") == "Yes: every contact is binary, and the outcomes agree to rounding."

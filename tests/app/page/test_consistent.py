@@ -116,8 +116,8 @@ def test_far_from_right_is_not_nearly(page, story) -> None:
     superball, small = "m1=0.045&r1=0.0225&t1=0.004&e1=0.88&air1=0", "m2=0.0098&r2=0.0135&t2=0.0024&e2=0.88&air2=0"
     go(page, f"{story}#screen=6&{superball}&{small}&gap=0.005&bounces=1&lang=en")
     assert text(page, ".verdict-words") == (
-        "No, though the heights agree, 3.62 and 3.58 drop heights; the superball leaves at 1.56 instead of 1.09 m/s; the"
-        " error is 5.6 % of the fastest impact.")
+        "No, though the heights agree, 3.62 and 3.58 drop heights; the superball leaves at 1.56 instead of 1.09 m/s;"
+        " the error is 5.6 % of the fastest impact.")
 
 
 def test_touching_balls_are_told_with_the_heights_of_two_rules(page, story) -> None:
@@ -159,7 +159,7 @@ def test_on_a_phone_words_of_the_last_picture_do_not_meet(blank, story, language
         boxes = blank.run(
             "[...document.querySelectorAll('.stage svg')].map((s) => [s.getBoundingClientRect().toJSON(), ..."
             "["
-            "...s.querySelectorAll('.stage-name, .ruler text, .top-line, .top-value, .note, .ball-name')]"
+            "...s.querySelectorAll('.stage-name, .ruler text, .top-line, .top-value, :scope > .ruler-tick, .ball-name')]"
             ".filter((t) => t.textContent && t.checkVisibility({ visibilityProperty: true }))"
             ".map((t) => t.getBoundingClientRect().toJSON())])")
         for stage, *words in boxes:

@@ -4,11 +4,12 @@ import { $, csv, fillTable, h, set, text, whenIdle } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
 import { simulateHard, TIES } from "../physics/hard.mjs";
 import { isEarly, SAME } from "../physics/measures.mjs";
+import { pairName } from "../physics/verdict.mjs";
 import { shortName } from "./charts.mjs";
 import { plain, say, told } from "./words.mjs";
 import { abs, max, min, round, sqrt } from "../physics/numbers.mjs";
 
-const LISTED = 400, ENGINES = ["hard", "soft"];
+const DEEP = 0.1, LISTED = 400, ENGINES = ["hard", "soft"];
 
 export class Panels {
   constructor() {
@@ -42,8 +43,13 @@ export class Panels {
   }
 }
 
-// What is shown of a run that did not get to its end, in a sentence.
-const endNotes = ({ soft, hard }) => [isEarly(hard) ? say("early-hard") : "", isEarly(soft) ? say("early-soft") : ""].join(" ").trim();
+// What is shown of a run that did not get to its end, and of overlaps for which no force law is made, in sentences.
+const endNotes = ({ scene, soft, hard }) => [isEarly(hard) ? say("early-hard") : "", isEarly(soft) ? say("early-soft") : "", deepNote(scene, soft.contacts)].join(" ").trim();
+
+function deepNote(scene, contacts) {
+  const share = ({ pair, deepest }) => deepest / min(...scene.radius.slice(pair, pair + 2).filter(Boolean)), worst = contacts.reduce((a, b) => (a && share(a) >= share(b) ? a : b), null);
+  return worst && share(worst) > DEEP ? say("deep", { pair: pairName(scene, worst.pair), share: { say: "percent", n: [100 * share(worst), "", 2] } }) : "";
+}
 
 function figures({ scene, hard, soft, pairs, finals }, setup) {
   const top = pairs.at(-1), last = scene.mass.length - 1;

@@ -6,6 +6,7 @@ import { bodyName } from "./maps.mjs";
 import { colour, extent } from "./picture.mjs";
 
 const SEEN = 0.01, ROOM = 0.3, DEEPEST = 0.6; // of the scene: displacements below are enlarged, to this; overlaps, of a radius
+const BESIDE = 10; // bodies that can have their names beside them
 const TINIEST = 0.9, VISIBLE = 4, CLOSE = 0.4; // radii in pixels; share of the room that a ball has
 
 // How far the balls get in all runs, with their radii, where displacements are drawn `times` larger.
@@ -78,9 +79,10 @@ function ball({ pen }, run, i, [x, y], r) {
   Object.assign(pen, { strokeStyle: colour(`--${run.engine}`), lineWidth: 1.4 });
   pen.stroke();
   const name = bodyName(run, run.bodies[i]);
-  if (r < 2 + 3 * name.length) return;
-  Object.assign(pen, { fillStyle: colour("--ink"), textAlign: "center" });
-  pen.fillText(name, x, y + 4);
+  const isInside = r > 2 + 3 * name.length;
+  if (!isInside && !run.upright) return;
+  Object.assign(pen, { fillStyle: colour("--ink"), textAlign: isInside ? "center" : "left" });
+  if (isInside || run.width <= BESIDE) pen.fillText(name, isInside ? x : x + r + 3, y + 4);
 }
 
 function wall(picture, [x, y], upright) {

@@ -69,13 +69,14 @@ export function drawContacts(picture, run, span) {
 
 function laneNames(run, each) {
   if (run.pairs > FEW) return ticks([0, run.pairs - 1], 5).filter(Number.isInteger).map((pair) => [pair / each, tickName(pair)]);
-  return Array.from({ length: run.pairs }, (_, pair) => [pair, pairName(run, pair)]);
+  return Array.from({ length: run.pairs }, (_, pair) => [pair, pairName({ ...run, kinds: {} }, pair)]); // there is room for numbers only
 }
 
 export const pairName = (run, pair) => `${bodyName(run, pair)}–${bodyName(run, (pair + 1) % run.n)}`;
 
 // As in the teaching page: balls are counted from 1, also where there is no floor.
-export function bodyName({ walls, upright }, body) {
+export function bodyName({ walls, upright, kinds }, body) {
+  if (kinds?.[body]) return kinds[body];
   if (!walls.includes(body)) return String(walls.includes(0) ? body : body + 1);
   if (!upright) return "wall";
   return body ? "ceiling" : "floor";
