@@ -158,8 +158,8 @@ def test_on_a_phone_words_of_the_last_picture_do_not_meet(blank, story, language
         settle(blank)
         boxes = blank.run(
             "[...document.querySelectorAll('.stage svg')].map((s) => [s.getBoundingClientRect().toJSON(), ..."
-            "["
-            "...s.querySelectorAll('.stage-name, .ruler text, .top-line, .top-value, :scope > .ruler-tick, .ball-name')]"
+            "[...s.querySelectorAll("
+            "'.stage-name, .ruler text, .top-line, .top-value, :scope > .ruler-tick, .ball-name')]"
             ".filter((t) => t.textContent && t.checkVisibility({ visibilityProperty: true }))"
             ".map((t) => t.getBoundingClientRect().toJSON())])")
         for stage, *words in boxes:
