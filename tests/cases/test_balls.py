@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import subprocess
+from dataclasses import astuple
 from html import escape
 from itertools import product
 from pathlib import Path
@@ -109,9 +110,11 @@ def test_a_scene_is_the_balls_on_a_floor() -> None:
 
 ON_THE_PAGE = """
 import { compareEngines } from "PHYSICS/outcome.mjs";
-import { cleaned, contactsIn, refused, sceneOf } from "PHYSICS/setups.mjs";
+import { cleaned, contactsIn, offer, refused, sceneOf, withoutNames } from "PHYSICS/setups.mjs";
+offer(OFFERED);
 const rises = ASKED.map((link) => {
-  const given = Object.fromEntries(new URLSearchParams(link)), values = cleaned("real-balls", given);
+  const given = withoutNames("real-balls", Object.fromEntries(new URLSearchParams(link)));
+  const values = cleaned("real-balls", given);
   if (refused("real-balls", given).length) throw new Error(link);
   const { eps, k } = contactsIn("real-balls", values);
   const { finals } = compareEngines(sceneOf("real-balls", values), eps, k);
@@ -126,7 +129,9 @@ def on_the_page(asked):
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not installed")
+    offered = {"balls": {name: astuple(ball) for name, ball in BALLS.items()}, "pairs": PRESETS}
     script = ON_THE_PAGE.replace("PHYSICS", (Path(gr.__file__).parent / "app" / "page" / "physics").as_uri())
+    script = script.replace("OFFERED", json.dumps(offered))
     command = [node, "--input-type=module", "-e", script.replace("ASKED", json.dumps(asked))]
     return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
