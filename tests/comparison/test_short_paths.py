@@ -1,6 +1,7 @@
 """Runs are continued only if necessary. A needless continuation would not change the comparison."""
 
 from collections import Counter
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -63,3 +64,21 @@ def test_slow_balls_below_a_fast_ball_need_no_continuation():
     assert align._stay_apart(hard, missing, np.full(2, end + 0.04))
     assert not align._stay_apart(hard, missing, np.full(2, end + 4.0))  # at that time they can have met
     assert align._stay_apart(hard, missing[:0], np.full(2, end + 4.0))
+
+
+@pytest.mark.parametrize("kind", [*OUTCOME_KINDS, "ceiling"])
+def test_a_scene_with_other_gaps_is_the_one_that_is_built_anew(kind):
+    """Cached properties that the copy keeps do not depend on the gaps; all others are computed again."""
+    names = [name for name, member in vars(gr.Scene).items() if isinstance(member, cached_property)]
+    for seed in range(4):
+        scene = outcome_question(kind, seed)[0] if kind != "ceiling" else gr.Scene(
+            [1.0, 2.0, np.inf], [0.1, 0.1, 0.0], np.random.default_rng(seed).uniform(0.1, 1.0, 2), [0.0, 1.0, 0.0])
+        undefined = "_mass_fraction" if scene.is_wall.any() else "_anchor_wall_position"
+        used = [name for name in names if name != undefined]
+        assert [name for name in used if getattr(scene, name) is NotImplemented] == []  # all are cached from now on
+        gap = np.where(scene.gap > 0.0, 1.5 * scene.gap, 1e-9)
+        copy, anew = scene._with_valid_gaps(gap.copy()), scene.replace(gap=gap)
+        assert copy == anew
+        for name in used:
+            assert repr(getattr(copy, name)) == repr(getattr(anew, name)), name
+    assert len(names) > 8
