@@ -54,11 +54,12 @@ def update_peaks(j: int, was_xi: float, xi: float, was: float, raw: float, a: An
     flags are `CHANGED` (bit 0) if the overlap or the force has begun or ended, and `CLOSED` (bit 1) if the pair now
     overlaps.
     """
-    a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
+    # the sums with 0.0 change no value, but prevent masked stores, which are slow on some processors
+    a.deepest[j + 1] = (xi if xi > a.deepest[j + 1] else a.deepest[j + 1]) + 0.0
     if KEEPS_LOG:
-        a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
+        a.xi_max[j + 1] = (xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]) + 0.0
         if KEEPS_LOG != ENERGIES:
-            a.force_max[j + 1] = raw if raw > a.force_max[j + 1] else a.force_max[j + 1]
+            a.force_max[j + 1] = (raw if raw > a.force_max[j + 1] else a.force_max[j + 1]) + 0.0
     was_overlapping, is_overlapping = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
     return (was_overlapping ^ is_overlapping) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * is_overlapping
 
