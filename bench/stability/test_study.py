@@ -186,6 +186,7 @@ def some(cells: Callable[[], Any]) -> list[tuple[Cell, Trajectory]]:
     return [(cell, rerun_function(cell, "located", plain=True)()) for cell in every[:: 1 + len(every) // 4]]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("cells", "change"), [
     (contact.powers, shifted("velocity", 1e-9)), (contact.powers, logged("duration", 1e-9)), (contact.powers, twice),
     (contact.kinks, shifted("velocity", 1e-9)), (contact.kinks, logged("xi_max", 1e-9)),

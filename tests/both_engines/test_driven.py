@@ -67,6 +67,7 @@ def test_error_against_run_time_of_a_driven_scene(monkeypatch):
     assert 1e-3 < hard.velocity_error < 1.0
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", ["dop853", "dop853+events"])
 def test_scipy_s_answers_beside_a_driven_wall(name):
     pytest.importorskip("mpmath")

@@ -13,6 +13,7 @@ INF = math.inf
 ON_FLOOR = {"mass": [INF, 1.0], "radius": [0.0, 0.05], "gap": [0.0], "velocity": [0.0, 0.0]}
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("law", "answer"), [
     (gr.LinearDashpot(1e3, 200.0), gr.Answer.no), (gr.LinearDashpot(1.5e4, 20.0), gr.Answer.no),
     (gr.LinearDashpot(1e3, 5000.0), gr.Answer.no), (gr.LinearDashpot(1e5, 2000.0), gr.Answer.yes),
@@ -70,6 +71,7 @@ def test_the_largest_overlap_counts_with_an_end_or_without(gap, law) -> None:
     assert [gr.compare(scene, law, t_end=end).answer for end in (None, 20.0)] == [gr.Answer.no] * 2
 
 
+@pytest.mark.thirds
 def test_a_contact_cut_in_its_middle_is_waited_for() -> None:
     scene = gr.Scene([INF, 0.1], [0.0, 0.01], [1e-3], [0.0, 0.0], 9.81)
     law = gr.LinearDashpot.from_restitution(0.9, k=1e8, pair=scene.pairs[0])
@@ -114,6 +116,7 @@ def test_what_happens_after_the_end_decides_nothing_about_balls_at_rest(seed, me
     assert soon.error == pytest.approx(late.error, rel=1e-6)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("mass", "gap", "velocity", "t_end"), [
     ([INF, 2.0, 1.0, 1.0], [0.1, 0.0, 0.0], [0.0, -1.0, -1.0, -1.0], 0.39),
     ([INF, 1.0, 1.0, 1.0, INF], [0.1, 0.0, 0.0, 0.1], [0.0] * 5, 0.6),

@@ -82,6 +82,7 @@ def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
     assert [line.get_label() for line in marks] == ["end of the hard run: collapse"]
 
 
+@pytest.mark.thirds
 def test_the_end_of_a_hard_path_that_goes_on_to_a_collapse_is_marked():
     scene = gr.scenes.three_balls()
     report = gr.compare(scene, gr.LinearDashpot(5e7, 1e6), gr.ConstantRestitution(0.1), until=gr.until.contact(0, 2),
@@ -108,6 +109,7 @@ def test_the_picture_says_with_what_it_was_made(two, drawn):
     assert {axis.get_ylabel() for axis in drawn.axes} >= {"force of\n1–2 (N)", "force of\nfloor–1 (kN)"}
 
 
+@pytest.mark.thirds
 def test_words_stay_within_the_picture(drawn):
     canvas = pytest.importorskip("matplotlib.backends.backend_agg").FigureCanvasAgg(drawn)
     canvas.draw()

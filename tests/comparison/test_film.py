@@ -154,6 +154,7 @@ def test_the_last_picture_is_what_the_report_says_of_random_drops(third):
     assert shown > 28
 
 
+@pytest.mark.thirds
 def test_ticks_and_numbers_of_the_last_picture_are_the_rises(two):
     page, k = Story(two, 1.0, 10, charts=False).pictures()[-1]
     page.show(0)
@@ -192,6 +193,7 @@ def test_what_is_followed_no_farther_leaves_the_picture(two, monkeypatch):
     assert np.isnan(further.Continuation(two.report, "hard").heights(np.array([0.1, 20.0, 30.0]))).sum() == 6
 
 
+@pytest.mark.thirds
 def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
     """Before, the words at a height that is not shown pushed all axes out of the layout."""
     high = window(compared(gr.scenes.three_balls(gap=1e-4, height=1e5), until=gr.until.contact(0, 2)))
@@ -201,6 +203,7 @@ def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
     assert title.y1 < min(text.get_window_extent().y0 for text in page.figure.texts)
 
 
+@pytest.mark.thirds
 def test_the_number_of_a_ball_leaves_the_picture_with_it():
     """Before, the number of a ball above the stage stood over the words."""
     stack = window(compared(gr.scenes.ball_stack(4, 0.1, gap=1e-4), until=gr.until.contact(0, 2)))

@@ -72,6 +72,7 @@ def test_the_judge_of_the_page_gives_the_same_for_known_outcomes(question):
     same_outcome(question)
 
 
+@pytest.mark.thirds
 def test_a_ring_that_is_cut_in_a_closer_look_at_a_cascade_can_be_gone_on_with():
     scene, law, t_end = question("ring", 122)
     rule = gr.restitution_of(law)
@@ -198,6 +199,7 @@ def column(t_end):
     return gr.compare(scene, gr.LinearDashpot(1e8), t_end=t_end)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("scene", "answer"), [
     (rest, A.no), (two_on_a_floor, A.no), (lambda: side(300.0), A.no), (lambda: side(1e-2), A.no), (pile, A.yes),
     (lambda: pile(1e3), A.no), (ball, A.yes), (lambda: ball(t_end=5.0), A.yes), (lambda: ball(t_end=0.4515), A.yes),
@@ -320,6 +322,7 @@ def neighbours_change_nothing(seed):
 SYMMETRIES = (units_change_nothing, mirror_changes_nothing, boost_changes_nothing, neighbours_change_nothing)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("symmetry", SYMMETRIES)
 def test_a_symmetry_of_the_answer(symmetry):
     for seed in range(1000, 1006):

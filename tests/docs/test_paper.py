@@ -33,6 +33,7 @@ def parameters(inputs):
     return {"radii": (inputs["R1"], inputs["R2"]), **{name: inputs[letter] for name, letter in names.items()}}
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("point", REFERENCE["linear"], ids=lambda point: point["id"])
 def test_every_reference_point(point):
     found = cell(("contacts", "v_rel", "eps_ratio"), **parameters(point["inputs"]))
@@ -53,6 +54,7 @@ def test_figure_2_has_the_reference_forces():
         assert run.force[:, pair] == pytest.approx(samples[name], rel=1e-10, abs=10 * steep * np.spacing(start))
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("point", REFERENCE["viscoelastic"], ids=lambda point: point["id"])
 def test_figures_7_and_8_have_the_reference_points(point):
     inputs = point["inputs"]
@@ -90,6 +92,7 @@ def test_dips_of_figure_5_go_below_its_axis_in_nature_and_are_drawn_so():
     assert flat.tolist() == [1.0, 2.0, 3.0]  # nothing jumps
 
 
+@pytest.mark.thirds
 def test_claim_contacts_and_spikes_over_restitution():
     grid = np.linspace(0.3, 1.0, 71)
     numerical = sequence.numerical_sequence(sequence.dashpot_contacts, grid)
@@ -103,6 +106,7 @@ def test_claim_contacts_and_spikes_over_restitution():
         assert near == [pytest.approx(low, abs=1e-6), pytest.approx(high, abs=1e-6), count]
 
 
+@pytest.mark.thirds
 def test_claim_one_maximum_of_contacts_over_restitution():
     base = gr.sweep("three-balls", {"restitution": np.linspace(0.1, 1.0, 181)}, "contacts")["contacts"].values[:, 1]
     turns = np.diff(base[np.append(True, np.diff(base) != 0)])
@@ -143,6 +147,7 @@ def test_claim_peak_over_the_ratio_of_radii():
     assert data.max() == pytest.approx(1.0023030, abs=1e-7)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("ratio", "within"), [(10.0, 5e-3), (5.0, 1.5e-2)])
 def test_claim_adiabatic_solution_agrees(ratio, within):
     scene, worst, differing = gr.scenes.three_balls(radii=(0.01 * ratio, 0.01)), 0.0, 0
@@ -204,6 +209,7 @@ def test_every_script_draws_its_figure_and_writes_its_numbers(name, tmp_path, mo
     assert found.keys() == json.loads(stored.read_text(encoding="utf-8")).keys()
 
 
+@pytest.mark.thirds
 def test_a_script_is_run_by_its_path(tmp_path):
     run = [sys.executable, str(SCRIPTS / "sketch.py"), "-o", "x.png"]
     assert subprocess.run(run, cwd=tmp_path, capture_output=True, check=False).returncode == 0

@@ -82,6 +82,7 @@ def test_a_restitution_of_speed_that_tends_to_one_collapses_within_a_bound() -> 
     assert end.stats["bound"] < 1e-9
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("gravity", [0.0, 1.0])
 def test_elastic_scenes_never_look_suspicious(gravity) -> None:
     random = np.random.default_rng(4)
@@ -160,6 +161,7 @@ def test_merging_brings_a_column_to_rest() -> None:
     assert (np.diff(energy) <= 1e-12).all()
 
 
+@pytest.mark.thirds
 @given(
     seed=st.integers(0, 10**6), n=st.integers(1, 12), floor=st.sampled_from([-0.5, 0.0, 0.3, 2.0]),
     gravity=st.sampled_from([0.0, 1.0]), eps=st.sampled_from([0.0, 0.3, 0.9]), below=st.sampled_from([1e-3, 0.1, 10.0]),
@@ -264,6 +266,7 @@ def falling_block(n):
     return Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), [1e-3] * n, [0.0] + [-1.0] * n)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("eps", "last"), [(0.5, 4), (0.7, 8)])
 def test_the_foot_of_a_falling_block_collapses_whatever_it_is_run_until(eps, last) -> None:
     ends = [run(falling_block(100), eps, until=until) for until in (None, separated())]
@@ -273,6 +276,7 @@ def test_the_foot_of_a_falling_block_collapses_whatever_it_is_run_until(eps, las
     assert ends[0].stats["bound"] < 1e-50
 
 
+@pytest.mark.thirds
 def test_a_closer_look_without_a_decision_lasts_longer_the_next_time() -> None:
     pytest.importorskip("numba")
     end = run(falling_block(100), 0.8, until=separated(), log=False)
@@ -282,6 +286,7 @@ def test_a_closer_look_without_a_decision_lasts_longer_the_next_time() -> None:
     assert end.state["allowance"] == 80_000
 
 
+@pytest.mark.thirds
 def test_the_ready_made_column_gets_its_verdict() -> None:
     """Closer looks without end on some 30 balls at the floor, which the next ones hit ever again."""
     pytest.importorskip("numba")

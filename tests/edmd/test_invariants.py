@@ -18,6 +18,7 @@ def run(scene, eps, **options):
     return edmd.simulate(scene, ConstantRestitution(eps), t_end=2.0, max_events=300, **options)
 
 
+@pytest.mark.thirds
 @given(ANY, st.sampled_from([1.0, 0.9, 0.5]))
 @settings(max_examples=150, deadline=None)
 def test_order_momentum_and_energy(scene, eps) -> None:
@@ -42,6 +43,7 @@ def test_order_momentum_and_energy(scene, eps) -> None:
     np.testing.assert_allclose(end.contacts["impulse"], heard, rtol=1e-12, atol=faint)
 
 
+@pytest.mark.thirds
 @given(ANY, st.sampled_from([1.0, 0.9, 0.5]), st.integers(-20, 20), st.integers(-20, 20))
 @settings(max_examples=80, deadline=None)
 def test_scaling_by_powers_of_two_keeps_the_bits(scene, eps, length, time) -> None:

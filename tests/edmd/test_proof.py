@@ -100,6 +100,7 @@ def test_finite_sequences_have_the_count_of_the_judge(n, seed, collisions) -> No
     assert run(scene, eps).stats["events"] == len(judged(scene, eps, 3000, 600)) == collisions
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(
     ("n", "wall", "share", "word"), [(4, FREE, 0.97, 8), (5, FREE, 0.97, 19), (3, BESIDE, 1.01, 238)]
 )
@@ -112,6 +113,7 @@ def test_what_is_proved_goes_on_in_many_digits(n, wall, share, word) -> None:
     assert log[-word:] == log[-2 * word : -word] == log[-3 * word : -2 * word]
 
 
+@pytest.mark.thirds
 def test_random_masses_are_proved_or_not_and_never_wrongly() -> None:
     random, kinds = np.random.default_rng(5), []
     for _ in range(12):
@@ -128,6 +130,7 @@ def test_random_masses_are_proved_or_not_and_never_wrongly() -> None:
     assert {"collapse", "quiet"} <= set(kinds)
 
 
+@pytest.mark.thirds
 def test_compiled_runs_come_to_the_same_verdict() -> None:
     pytest.importorskip("numba")
     for n, share in ((4, 0.97), (5, 0.99), (5, 1.01), (6, 0.99)):

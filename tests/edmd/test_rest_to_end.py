@@ -111,6 +111,7 @@ def test_an_elastic_ball_between_closing_walls_keeps_its_digits(compression, off
     assert run.velocity[-1][1] == pytest.approx(float(v), rel=1e-9)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("engine", ENGINES)
 def test_closing_walls_and_an_elastic_ball_reach_the_limit_unbroken(engine):
     scene = gr.Scene([INF, 1.0, INF], [0.0, 0.1, 0.0], [0.1, 0.1], [0.0, 1.0, -0.05])

@@ -151,6 +151,7 @@ def test_touching_balls_are_counted_all(ties):
     assert hard.stats["watched"] == len(hard.contacts) >= 3
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("option", [{"engine": "sorted"}, {"engine": "compiled"}, {"log": False}, {"samples": 7}, {}])
 def test_same_with_every_engine_and_option(option, monkeypatch):
     if option.get("engine") == "compiled":
@@ -180,6 +181,7 @@ def test_same_where_a_run_would_be_made_in_blocks_and_from_sorted_to_compiled(mo
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, max_events=3000)), once)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("engine", ["sorted", "compiled"])
 @pytest.mark.parametrize("name", ["gas", "column", "tiny"])
 def test_in_pieces_as_in_one_saved_and_loaded(name, engine, tmp_path):
@@ -237,6 +239,7 @@ def test_no_two_first_contacts_of_soft_spheres_overlap_unwarned():
     assert {(True, True), (True, False), (False, False)} == set(seen)
 
 
+@pytest.mark.thirds
 def test_durations_are_those_of_single_contacts():
     rng = np.random.default_rng(0)
     scene = gas(0, 7, 1.0, gravity=1.0)
@@ -249,6 +252,7 @@ def test_durations_are_those_of_single_contacts():
         assert t == pytest.approx(gr.binary.collision(laws[c], scene.pairs[c], v).duration, rel=loose)
 
 
+@pytest.mark.thirds
 def test_contacts_without_an_end_last_until_their_pair_collides_again():
     scene = gr.Scene([1.0, 1.0, 1.0], [0.0] * 3, [1.0, 1.0], [1.0, 0.0, 0.0])
     hard = gr.edmd.simulate(scene, ELASTIC, watch=Wall(), t_end=9.0)

@@ -120,6 +120,7 @@ def test_a_hit_alone_has_no_error_of_the_step(method):
         assert momentum - 1.5 * 9.0 * scene.gravity == pytest.approx(1.5 * (one.velocity[-1, 1] - 1.0), abs=1e-12)
 
 
+@pytest.mark.thirds
 def test_orders_of_hits_beside_contacts():
     scene = heated(3, 2)
     for law, wanted in ((gr.LinearDashpot(3e3, 0.0), 2.0), (LAW, 1.0)):

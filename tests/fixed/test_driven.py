@@ -72,6 +72,7 @@ def mirrored(motion):
     return gr.walls.Sine(motion.amplitude, motion.frequency, motion.phase + math.pi)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_mirror_and_boost(seed):
     scene, law = scenes(seed)

@@ -63,6 +63,7 @@ def test_verlet_runs_back(scene: gr.Scene, name: str) -> None:
     assert np.allclose(back.gap[-1], scene.gap, rtol=0, atol=1e-12)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("method", "waves"), [("verlet", 4.0), ("symplectic-euler", 2.0)])
 @settings(max_examples=5, deadline=None)
 @given(SQUEEZED, st.sampled_from(("spring", "Hertz")))

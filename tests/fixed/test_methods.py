@@ -22,6 +22,7 @@ def same_bits(one, other):
     assert one.contacts.tobytes() == other.contacts.tobytes()
 
 
+@pytest.mark.thirds
 def test_plain_and_compiled_give_the_same_bits_for_every_law():
     scene = gr.scenes.newtons_cradle(7)
     laws = [
@@ -47,6 +48,7 @@ def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
     same_bits(auto, plain)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("method", ALL)
 def test_a_force_beyond_numbers_is_unstable(method):
     """Python's own powers raise where compiled ones are infinite."""
@@ -106,6 +108,7 @@ class Steep:
         return math.exp(1e3) if 3.0e-3 < xi < 3.5e-3 and xi_dot < 0.0 else self.k * xi
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 def test_a_law_that_raises_ends_the_run(engine):
     with pytest.raises(ValueError, match="broken"):
@@ -179,6 +182,7 @@ def test_callbacks():
         verlet(scene, law, until=gr.until.contact(0, 2), on_event=stop)
 
 
+@pytest.mark.thirds
 def test_memory_of_walton_braun():
     run = verlet(pair_scene(), gr.WaltonBraun.from_restitution(0.5, 1.0), dt=1e-3)
     assert restitution(run) == pytest.approx(0.5, abs=2e-6)

@@ -168,6 +168,7 @@ class Springy:
         return self.k * xi * (1.0 + self.more * (xi_max - xi) / xi_max)
 
 
+@pytest.mark.thirds
 def test_rounding_makes_no_restitution_above_one() -> None:
     assert binary.collision(Springy(1e6, 1e-10), PAIR, 1.0).restitution == 1.0
     with pytest.raises(ValueError, match=r"`law` must not gain energy, got Springy\(k=1000000\.0, more=1e-07\)\. "

@@ -112,6 +112,7 @@ def test_long_chains() -> None:
     assert v[[-1, -2, 0]] == pytest.approx([0.9856788, 0.1486005, -0.07108502], abs=1e-5)
 
 
+@pytest.mark.thirds
 def test_solitary_wave() -> None:
     """F1: speed, peak overlap and force of the wave in a Hertz chain, far from the striker."""
     n = 40

@@ -85,6 +85,7 @@ def test_solve_many_leaves_balls_that_come_to_rest_to_simulate() -> None:
     assert many.status.tolist() == [-1]
 
 
+@pytest.mark.thirds
 def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that bounces through the octaves of speed, each with a table; single runs make room, to the same bits."""
     monkeypatch.setattr(sys.modules["granular.md.located.one_contact.tables"], "CONTACTS_BEFORE_TABLE", 1)

@@ -29,6 +29,7 @@ def test_two_contacts_that_end_at_once(law, engine):
     assert run.count(0) == run.count(1) == 1
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize("velocity", [[1.0, 0.0, 0.0], [1.0, 0.0, -1.0]], ids=["struck", "squeezed"])
 def test_a_gap_below_rounding_is_a_touch(law, velocity):
@@ -54,6 +55,7 @@ def test_rows_of_a_bound_elastic_scene_are_delivered():
     np.testing.assert_allclose(run.energy(), run.energy()[0], rtol=1e-13)
 
 
+@pytest.mark.thirds
 def test_a_newcomer_does_not_wait_for_a_compiler():
     code = (
         "import sys, granular as gr; s = gr.scenes.column(n=20, gap=1e-3); "
@@ -133,6 +135,7 @@ def test_a_ball_dropped_from_a_touch_comes_back_to_it(p, engine):
         assert abs(energy).max() < 2e-13 * m * g * deepest
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("engine", "runs"), [("plain", 8), ("compiled", 60), ("own", 6)])
 def test_a_ball_that_touches_floor_and_ceiling_comes_back_to_the_ceiling_without_a_contact(engine, runs):
     """It is at rest there, except for rounding of its energy; that is no impact, and no reason to refuse the scene."""
@@ -192,6 +195,7 @@ def test_stiff_own_laws_come_to_rest_in_few_steps():
         assert law.force(at, 0.0, None) == pytest.approx(m * g, rel=1e-12)
 
 
+@pytest.mark.thirds
 def test_own_laws_at_rest_have_scales_of_any_size():
     """Weights set them where nothing moves at first; a law far from usual sizes once let its ball fall through."""
     rng = np.random.default_rng(1)
@@ -269,6 +273,7 @@ def test_no_step_leaves_the_range_of_numbers(engine):
     assert 0.0 < run.stats["error_estimate"] < 1e-13
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("law", [gr.Hertz(1e6), gr.ViscoelasticHertz(1e6, 1e3), gr.PowerLaw(1e6, 2.0)],
                          ids=lambda law: type(law).__name__)
 def test_rows_that_touch_at_a_coarse_tolerance(law):

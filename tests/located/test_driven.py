@@ -81,6 +81,7 @@ def test_where_a_soft_plate_doubles_the_period_and_a_hard_one_does_not():
     assert twice[-40:].max() < twice[-100:-60].min() < 1e-3
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("start", [0.0, 1e7 * PERIOD])
 def test_a_ball_that_rides_has_its_closed_form_after_many_periods(start):
     mp = pytest.importorskip("mpmath").MPContext()

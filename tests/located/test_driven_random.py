@@ -167,6 +167,7 @@ def test_compiled_runs_have_the_same_bits(disturbed):
             assert one.ledger.tobytes() == other.ledger.tobytes()
 
 
+@pytest.mark.thirds
 def test_isolated_contacts_are_the_same_ignoring_others():
     for seed in range(16):
         scene, law, start = some_scene(seed)
@@ -237,6 +238,7 @@ def by_pieces(kernel, **flags):
     return fitted(kernel, **flags, **more)
 
 
+@pytest.mark.thirds
 def test_what_is_certified_as_isolated_is(monkeypatch):
     alone = 0
     for seed in range(20):

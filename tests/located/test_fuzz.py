@@ -97,6 +97,7 @@ def test_what_the_roundings_of_a_law_make_is_measured() -> None:
     assert any(verdict.notes for verdict in rounded)
 
 
+@pytest.mark.thirds
 def test_samples_never_change_the_log() -> None:
     """Rows are read off the pieces; the log has the same bits without them."""
     sampled = [Case.from_json(one["case"]) for one in STORED if "samples" in one["case"]][:4]
@@ -120,6 +121,7 @@ def test_driven_scenes_beside_the_reference(seed: int) -> None:
     assert verdict.kind == "ok", (verdict.why, verdict.error)
 
 
+@pytest.mark.thirds
 def test_driven_scenes_start_as_others_do() -> None:
     """Seeds of which both take the first attempt, in all bits."""
     for seed in START:

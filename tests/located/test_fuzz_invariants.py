@@ -103,6 +103,7 @@ def test_compiled_gives_the_bits_of_plain(seed: int) -> None:
     assert fast.stats["error_estimate"] == run.stats["error_estimate"]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", SEEDS)
 def test_impulses_of_the_log_make_the_velocities(seed: int) -> None:
     """m_i (v_i - v_i0 + g t) = J_(i-1) - J_i, ball by ball; and contacts of a pair follow each other."""

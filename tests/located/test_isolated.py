@@ -111,6 +111,7 @@ class Bent:
         return self.k * xi + (20.0 * self.k * (xi - self.x) if xi > self.x else 0.0)
 
 
+@pytest.mark.thirds
 def test_a_law_that_bends_has_no_table_where_it_does(monkeypatch):
     """Not even beyond the last point of an octave of speeds."""
     monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)

@@ -34,6 +34,7 @@ def three_balls(gap: float = 1e-4) -> Scene:
     return Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, gap], [0.0, -3.0, -3.0], 9.81)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(
     ("known", "mine"),
     [

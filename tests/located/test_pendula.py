@@ -78,6 +78,7 @@ def test_mirrored_and_turned_back():
     assert again.gap[-1] == pytest.approx(scene.gap, abs=1e-10)
 
 
+@pytest.mark.thirds
 def test_between_walls_and_swinging_together():
     scene = gr.Scene([math.inf, 1.0, 2.0, math.inf], [0.0, 0.1, 0.1, 0.0], [0.1, 0.2, 0.3], [0.0, 2.0, -1.0, 0.0],
                      pendulum=1.5, rest_gap=[0.3, 0.0, 0.3])

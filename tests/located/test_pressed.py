@@ -86,6 +86,7 @@ def test_a_ceiling_is_a_floor_upside_down(law):
     np.testing.assert_allclose(runs[3].force[-1], [7.0, 37.0], rtol=1e-12)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_pressed_between_walls_and_in_flight(law):
     gap = [-1e-3, -2e-3, -1e-3]
@@ -119,6 +120,7 @@ def test_a_ball_that_leaves_does_not_matter(law, way):
     assert gr.md.simulate(touching, law).stats["steps"] < 300
 
 
+@pytest.mark.thirds
 def test_several_piles_and_what_flies_between_them():
     law = gr.LinearDashpot(1e5, 400.0)
     force = [0, -10.0, -10.0, 0.0, 10.0, 10.0, 0]

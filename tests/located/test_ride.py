@@ -165,6 +165,7 @@ def test_a_ride_ends_where_the_velocity_of_the_wall_jumps():
     assert max(abs(float(a) - b) for a, b in zip(true.gap, run.gap[-1], strict=True)) < 1e-13 * abs(run.gap).max()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("where", "kind", "seed"), [("squeezed", "dashpot", 2), ("floor", "viscoelastic", 5)])
 def test_samples_and_a_resumed_run_change_no_bit_of_a_ride(where, kind, seed):
     scene, law, start = piled(where, kind, seed)

@@ -269,6 +269,7 @@ def test_upper_ball_far_away_has_no_contact():
     assert math.isnan(solution.v_rel)
 
 
+@pytest.mark.thirds
 def test_random_scenes_equal_the_limit():
     rng = np.random.default_rng(83)
     seen = set()

@@ -65,6 +65,7 @@ def test_two_halves_are_the_whole(law, engine, tmp_path):
     assert done
 
 
+@pytest.mark.thirds
 def test_a_pile_that_creeps_is_gone_on_with():
     column = gr.scenes.column(4, gravity=9.81)
     law = gr.LinearDashpot(1e5, 300.0)
@@ -151,6 +152,7 @@ def test_ignored_contacts_are_soft_event_driven(law):
         assert not ((near["t_begin"] > row["t_begin"]) & (near["t_begin"] < row["t_end"])).any()
 
 
+@pytest.mark.thirds
 @pytest.mark.usefixtures("interpreted")
 def test_a_run_of_an_earlier_version_that_crept_by_modes_goes_on():
     """Its records are those of the start of the creep, earlier than the end of its first part."""

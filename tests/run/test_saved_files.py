@@ -235,6 +235,7 @@ def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(nam
             gr.edmd.resume(dataclasses.replace(run, state=state), t_end=1.0)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("field", "value"), [
     ("pairs.slot", 99), ("pairs.slot", -5), ("pairs.first", 7), ("pairs.hi", 9), ("pairs.kind_of", 5), ("pairs.map", 9),
     ("pairs.wall", 3), ("pairs.mode", 9), ("pool.number", 8), ("pool.fired", 99), ("pool.head", 50), ("pool.manner", 9),

@@ -149,6 +149,7 @@ def test_a_fall_so_long_that_no_float_knows_the_phase_is_no_endless_search(gap):
 # --- paths of other kinds --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_first_hits_on_a_spline(side):
     t, cubic = spline()
@@ -174,6 +175,7 @@ def test_first_hits_on_a_spline(side):
     assert hits > 20
 
 
+@pytest.mark.thirds
 @pytest.mark.filterwarnings("ignore:Descending")
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_first_hits_on_paths_with_corners(side):

@@ -61,6 +61,7 @@ def test_what_is_varied():
     assert varied("stiffness", 100.0).law == gr.Hertz(1e7)
 
 
+@pytest.mark.thirds
 def test_located_is_right_everywhere(report):
     assert {row.verdict for row in report.of("located")} == {"right"}
     assert max(row.error for row in report.of("located")) < 1e-14
@@ -126,6 +127,7 @@ def test_table_and_words_count_every_run(report):
     assert "not tried: gap × 0.001, gap × 1e-06, gap × 0: Neither the scene nor its laws change." in str(report)
 
 
+@pytest.mark.thirds
 def test_figure_holds_the_table(report, tmp_path):
     pytest.importorskip("matplotlib")
     figure = report.plot()
@@ -154,6 +156,7 @@ def test_misuse_is_one_sentence():
         gr.stability(gr.Scene([1, 1], [0.1] * 2, [0.1], np.zeros(2)).replace(), t_end=1.0, law=gr.Hertz(1e5))
 
 
+@pytest.mark.thirds
 def test_the_command(granular):
     code, out, _ = granular("stability three-balls --axes gap --methods located rk4 --gap 1e-3 --json table.json")
     assert code == 0

@@ -98,6 +98,7 @@ def test_cases_and_results_of_ones_own():
     assert all(np.array_equal(same[name].values, named[name].values, equal_nan=True) for name in same)
 
 
+@pytest.mark.thirds
 def test_boundaries_are_bisected():
     data = gr.sweep("three-balls", {"restitution": np.arange(0.5, 1.0, 0.005)}, refine="restitution", precision=1e-7)
     ends, counts = data["edge"].values, data["edge_contacts"].values[:, :, 1]

@@ -13,6 +13,7 @@ from granular.studies.sweeps.results import STATUS_CODES
 xr = pytest.importorskip("xarray")
 
 
+@pytest.mark.thirds
 def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr(schedule, "MAX_BATCH_SECONDS", 0.0)  # batches of one cell, whatever the machine's speed
     over, file = ["restitution=0.3:1:20", "gap=1e-6:1e-3:20:log"], tmp_path / "map.nc"

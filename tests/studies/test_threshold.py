@@ -200,6 +200,7 @@ def test_report_json_and_figure(tmp_path):
     assert (tmp_path / "found.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("more", ["", " --criterion error --error 0.05"])
 def test_command_is_the_library(granular, tmp_path, more):
     options = {"criterion": "error", "error": 0.05} if more else {}
