@@ -84,6 +84,7 @@ def test_running_twice_gives_the_same_errors() -> None:
     assert [cell.error for cell in first.cells] == [cell.error for cell in second.cells]
 
 
+@pytest.mark.thirds
 def test_stability_limits_against_theory() -> None:
     for row in limits((1, 5)):
         if math.isfinite(row.theory):
@@ -264,6 +265,7 @@ def test_misuse_is_one_sentence() -> None:
         stability(seconds=0)
 
 
+@pytest.mark.thirds
 def test_the_command(capsys: pytest.CaptureFixture[str], tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("bench.stability.__main__.PAGE_PATH", tmp_path / "a part of it is no page")
     path = tmp_path / "table.json"

@@ -86,6 +86,7 @@ def test_the_sum_in_scenes_of_every_kind(kind):
     assert imbalance(run) <= 1e-12
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("law", "accuracy"), [
     (gr.LinearDashpot(1e6, 100.0), 1e-12), (gr.Hertz(1e8), 1e-12), (gr.ViscoelasticHertz(1e8, 1e4), 1e-12),
     (gr.TsujiHertz(1e8, 0.3), 1e-12), (draw.Stiffening(1e6, 1e9, 100.0), 1e-12),
@@ -212,6 +213,7 @@ def test_hard_spheres_keep_their_energies(tmp_path):
         assert other.dissipated.tobytes() == run.dissipated.tobytes()
 
 
+@pytest.mark.thirds
 def test_who_does_not_read_the_column_does_not_pay_for_it():
     calls = []
 

@@ -180,6 +180,7 @@ def in_other_units(scene: gr.Scene, laws: Any, method: str) -> gr.Trajectory:
     return soft(units(scene), tuple(map(rescaled, laws)), method, samples=5, t_end=0.25 * TIME, **step)
 
 
+@pytest.mark.thirds
 @SOFT
 @quick(7)
 @given(st.data())

@@ -61,6 +61,7 @@ class Dent:
         return min(1e5 * xi, max(1e5 * xi_max - 5e5 * (xi_max - xi), 0.0)) + 5.0 * xi_dot
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("gap", "law"), [
     (1e-5, gr.LinearDashpot.from_restitution(0.7, k=0.981 / 8e-5, pair=gr.Pair(0.1, 0.01, 0))),
     (0.0, gr.LinearDashpot(1.01e4, 1.0)), pytest.param(0.05, Dent(), marks=pytest.mark.soak),

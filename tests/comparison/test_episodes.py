@@ -207,6 +207,7 @@ def test_a_free_flight_between_two_episodes_does_decide():
     assert report.to_dict()["deciding"]["ball"] == 1
 
 
+@pytest.mark.thirds
 def test_balls_pressed_together_in_flight_are_compared_when_they_leave_a_wall():
     """They are in a contact without end, but rest on nothing: hard ones stay at the wall, soft ones bounce off."""
     scene = gr.Scene([INF, 1.0, 1.0], [0, 0.1, 0.1], [0.5, 0.1], [0, 0.0, -2.0], external_force=[0.0, 20.0, -20.0])

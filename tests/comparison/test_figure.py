@@ -69,6 +69,7 @@ def test_every_hop_is_on_the_axis_and_of_the_right_height(seed):
         assert lens.get_xlim()[0] < look.view.clock(time) < lens.get_xlim()[1]
 
 
+@pytest.mark.thirds
 def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
     row = gr.Scene([1.0] * 4, [0.0] * 4, [0.1, 0.2, 0.15], [1.0, 0.3, 0.0, -1.0])
     report = compared(row, 0.1, 1e5, t_end=2.0)

@@ -27,6 +27,7 @@ def cradle():
     return window(gr.compare(gr.scenes.newtons_cradle(5), gr.Hertz(1e9), until=gr.until.separated()))
 
 
+@pytest.mark.thirds
 def test_a_fall_has_three_times_each_with_its_own_rate(two):
     fps = 20
     story = Story(two, 6.0, fps)
@@ -90,6 +91,7 @@ def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, req
     assert pictures[-1][1] == len(pictures[-1][0].titles) - 1
 
 
+@pytest.mark.thirds
 def test_balls_stand_in_a_row_without_gravity_and_upright_with_it(two, cradle):
     for view, along in ((two, 1), (cradle, 0)):
         (page,) = {page for page, _ in Story(view, 1.0, 10, whole=False).pictures()}

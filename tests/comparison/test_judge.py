@@ -17,7 +17,7 @@ from tests.helpers.scenes_of_outcomes import (
 from tests.helpers.scenes_to_judge import KINDS, question
 
 INF, A = math.inf, gr.Answer
-FEW = {"drop": 3, "floor": 3, "pendula": 4, "sine": 2, "piecewise": 5, "thermal": 4, "resting": 4, "box": 20,
+FEW = {"drop": 3, "floor": 3, "pendula": 2, "sine": 2, "piecewise": 5, "thermal": 4, "resting": 4, "box": 20,
        "touching": 50}
 """Questions of kinds that take longer, or less long; three of each other."""
 NUMBERS = 1e-3

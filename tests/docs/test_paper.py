@@ -67,6 +67,7 @@ def test_figures_7_and_8_have_the_reference_points(point):
     assert run.of(1)["v_out"][-1] == pytest.approx([point["v1"], point["v2"]], rel=0.0, abs=1e-10)
 
 
+@pytest.mark.thirds
 def test_dips_of_figure_5_go_below_its_axis_in_nature_and_are_drawn_so():
     def found(power):
         data = cell(("contacts", "eps_ratio"), gap=10.0**power, restitution=0.9)

@@ -52,6 +52,7 @@ def test_just_above_the_threshold_nothing_is_claimed_but_a_bound() -> None:
     assert end.stats["bound"] < 1e-59
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(
     ("n", "eps", "kind"),
     [(4, 0.05, "proved"), (5, 0.1, "proved"), (6, 0.3, "bounded"), (8, 0.1, "proved"), (20, 0.3, "bounded")],
@@ -101,6 +102,7 @@ def test_a_cooling_gas_that_does_not_collapse_goes_on() -> None:
     assert end.stats["zooms"] == 0
 
 
+@pytest.mark.thirds
 def test_a_gas_that_slows_down_without_end_says_so() -> None:
     random = np.random.default_rng(3)
     n = 100
@@ -318,6 +320,7 @@ def test_ready_made_columns_end_within_the_default_limits_as_what_they_are(n) ->
     assert more.stats["events"] == {50: 2_990_586, 100: 1_410_053}[n]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("n", "collisions"), [(30, 62_750), (32, 269_265)])
 def test_finite_sequences_of_a_column_are_followed_to_their_end(n, collisions) -> None:
     pytest.importorskip("numba")

@@ -68,6 +68,7 @@ def test_gaps_that_rounding_makes_negative_are_clamped_and_counted() -> None:
     assert 0 < sum(clamps) < 100
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("spread", [0.0, 9.0 * math.log(10.0)])
 def test_a_long_elastic_run_keeps_energy_and_order(spread) -> None:
     box = gas(1, 50, spread)

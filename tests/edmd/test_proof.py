@@ -74,6 +74,7 @@ def test_free_balls_above_their_threshold_never_collapse(n) -> None:
         assert end.status in (gr.Status.quiet, gr.Status.bounded)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("n", [4, 5, 6, 7, 8])
 def test_balls_beside_a_wall_above_their_threshold_never_collapse(n) -> None:
     for seed in range(2):

@@ -223,6 +223,7 @@ def test_a_closer_look_at_a_collapse_is_watched_too():
     assert same(watched(hard), brute(scene, hard.contacts, [law] * 2))
 
 
+@pytest.mark.thirds
 def test_no_two_first_contacts_of_soft_spheres_overlap_unwarned():
     """Forces only push, so the soft ball between two others is never ahead of the hard one: warnings come too often."""
     rng, seen = np.random.default_rng(4), []

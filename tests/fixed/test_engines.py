@@ -200,6 +200,7 @@ def test_a_log_that_is_full_is_handed_over_in_time(monkeypatch):
     same(one, run(scene, law, dt=1e-5, t_end=1.0, engine="plain"))
 
 
+@pytest.mark.thirds
 def test_windows_stop_at_max_events_as_a_chain_does(monkeypatch):
     scene = gr.scenes.newtons_cradle(40)
     for few in (1, 2, 17, 37):

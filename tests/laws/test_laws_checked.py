@@ -68,6 +68,7 @@ def test_force_that_is_no_number_beyond_what_was_expected() -> None:
         md.simulate(scene, own, t_end=0.02, dt=1e-6)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("force", [lambda xi, v: 0.0 if xi > -1.0 else 1.0, lambda xi, v: -1e6 * xi * xi])
 def test_law_that_stops_nothing(force) -> None:
     with pytest.raises(ValueError, match="pass through each other"):
@@ -98,6 +99,7 @@ def test_trait_that_says_negative_damping() -> None:
         md.simulate(STACK, negative, t_end=0.1)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("force", [
     lambda xi, v: 5e7 * (xi - 1e-5),  # sets in late
     lambda xi, v: 5e7 * xi**1.5 - 100.0 * math.sqrt(xi),  # would pull at first

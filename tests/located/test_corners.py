@@ -232,6 +232,7 @@ def test_a_ball_that_comes_back_to_a_touch_leaves_the_ball_above_in_free_fall(la
     np.testing.assert_allclose(run.velocity[:, 2], -0.1 * run.time, atol=1e-15)
 
 
+@pytest.mark.thirds
 def test_a_run_may_stop_where_a_ball_arrives_at_one_that_lies_still():
     """Its piece would end at once; it was refused as beyond the range of numbers."""
     scene = gr.Scene([math.inf, 1.7, 1.7], [0.0, 0.1, 0.1], [1e-4, 0.05], [0.0, 0.1, 0.0], 14.0)

@@ -157,6 +157,7 @@ def counted(seeds: Iterable[int], shells: bool) -> Counter[str]:
     return tally
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("shells", "many"), [(False, 8), (True, 5)])
 def test_isolated_is_what_no_neighbour_overlaps(shells, many):
     tally = counted(range(many), shells)

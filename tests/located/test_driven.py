@@ -12,6 +12,7 @@ from tests.helpers.driven_scenes import ONE_RADIAN, shaken, steady
 PERIOD = 1.0 / ONE_RADIAN
 
 
+@pytest.mark.thirds
 def test_lift_off_of_a_resting_ball():
     law = shaken(1.0, 0.5, 10.0)[1]
     gamma = abs(law.k - 1.0 + 1j * law.gamma) / abs(law.k + 1j * law.gamma)
@@ -72,6 +73,7 @@ def test_period_doubling_of_the_soft_bouncing_ball(restitution, ratio, gamma):
     assert b == pytest.approx(gamma, abs=1e-11)
 
 
+@pytest.mark.thirds
 def test_where_a_soft_plate_doubles_the_period_and_a_hard_one_does_not():
     scene = ReturnMap(1.525, 0.5, 100.0)
     scene, law = scene.scene.replace(gap=[scene.start[0]]), scene.law

@@ -190,6 +190,7 @@ class Unseen:
         return self.k * math.sqrt(xi * xi) + self.gamma * xi_dot
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(3))
 def test_own_laws_follow_driven_walls(seed):
     scene, _, start = some_scene(seed)

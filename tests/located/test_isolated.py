@@ -169,6 +169,7 @@ def test_the_error_of_a_table_counts_where_it_is_used(monkeypatch):
     assert new.stats["error_estimate"] == old.stats["error_estimate"]
 
 
+@pytest.mark.thirds
 def test_critically_damped_balls_bounce_on_a_floor_whatever_rounding_makes_of_the_ratio():
     """ζ = 1 but for rounding, above and below; with the log's peaks, which compute ζ in another order."""
     rng = np.random.default_rng(9)

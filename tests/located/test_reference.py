@@ -55,6 +55,7 @@ def agrees(soft: Trajectory, one: dict[str, Any], speed: float, tolerance: float
         assert soft.status in (Status.quiet, Status.resting)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("one", SETS["linear"], ids=lambda one: str(one["id"]))
 def test_linear_sets(one: dict[str, Any]) -> None:
     """Machine precision: 1e-14 of the impact speed times the condition number; times to 1e-14 of the floor contact."""

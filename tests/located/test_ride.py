@@ -104,6 +104,7 @@ def test_the_account_of_a_ride_closes(where, kind, seed):
     assert run.force[-1].min() > 0.0
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("kind", ["dashpot", pytest.param("viscoelastic", marks=pytest.mark.soak)])
 def test_a_ride_against_the_reference(kind):
     pytest.importorskip("mpmath")

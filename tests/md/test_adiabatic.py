@@ -151,6 +151,7 @@ def test_reference_inputs_in_the_limit(row):
     assert solution.t10 == pytest.approx(row["t10"], rel=1e-14, abs=1e-300)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("ratio", "from_eps", "largest"), [(10.0, 0.30, 0.0016), (5.0, 0.33, 0.0145)])
 def test_counts_and_top_velocity_agree_with_the_exact_engine(ratio, from_eps, largest):
     """Off the jumps: at R1/R2 = 10 these restitutions keep 0.003 away from every jump of the count."""

@@ -114,6 +114,7 @@ def test_inverse_for_every_law_with_damping():
     )
 
 
+@pytest.mark.thirds
 def test_inverse_of_restitution_1_is_tried():
     @dataclass(frozen=True)
     class Twice:

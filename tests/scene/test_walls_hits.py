@@ -40,6 +40,7 @@ def test_first_hits_of_any_gap():
         assert_first(Exact(wall, side, t, tail, gap, rate, pull), s, limit)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("power", [-3, -6, -9, -12, -13, -14, -15])
 def test_first_hits_of_grazing_balls(power, sign):

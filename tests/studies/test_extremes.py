@@ -67,6 +67,7 @@ def test_located_is_right_everywhere(report):
     assert max(row.error for row in report.of("located")) < 1e-14
 
 
+@pytest.mark.thirds
 def test_a_forgotten_step_is_flagged_and_an_own_one_is_right(report):
     for scene in ("stiffness × 1e+06", "stiffness × 1e+08"):
         *forgotten, own = report.of("verlet", scene)
