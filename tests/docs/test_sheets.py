@@ -133,7 +133,7 @@ def test_what_the_key_says_beside_the_page_is_so():
 
 
 def test_the_numbers_of_the_lesson_are_those_of_the_engines():
-    """Rises in drop heights of real balls, the share of the floor's push, the restitution, and v t_c."""
+    """Rises of real balls in m, the share of the floor's push, the restitution, and v t_c."""
     text = (DOCS / "teaching" / "lesson.md").read_text(encoding="utf-8")
 
     def rises(upper, gap):
@@ -146,7 +146,7 @@ def test_the_numbers_of_the_lesson_are_those_of_the_engines():
     pushed = re.search(r"load on ball 1\s+= (0\.\d+)", near.details())
     assert f"4. {100.0 * float(pushed[1]):.0f} %" in text
     far, touching = rises("tennis ball", 0.02)[0].rises()[1], rises("tennis ball", 0.0)[0].rises()[1]
-    assert f"{far:.3g} drop heights instead of {touching:.3g}" in text
+    assert f"{far:.3g} m instead of {touching:.3g} m" in text
     hard, soft = rises("table-tennis ball", 0.0)[0].rises()
     assert f"6. {hard:.1f} and {soft:.1f}" in text
     ball, speed = gr.balls.BALLS["basketball"], (2.0 * 9.81) ** 0.5

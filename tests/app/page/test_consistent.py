@@ -116,8 +116,8 @@ def test_far_from_right_is_not_nearly(page, story) -> None:
     superball, small = "m1=0.045&r1=0.0225&t1=0.004&e1=0.88&air1=0", "m2=0.0098&r2=0.0135&t2=0.0024&e2=0.88&air2=0"
     go(page, f"{story}#screen=6&{superball}&{small}&gap=0.005&bounces=1&lang=en")
     assert text(page, ".verdict-words") == (
-        "No, though the heights agree, 3.62 and 3.58 drop heights; the superball leaves at 1.56 instead of 1.09 m/s;"
-        " the error is 5.6 % of the fastest impact.")
+        "No, though the heights agree, 3.62 and 3.58 m; the superball leaves at 1.56 instead of 1.09 m/s; the error is"
+        " 5.6 %.")
 
 
 def test_touching_balls_are_told_with_the_heights_of_two_rules(page, story) -> None:
@@ -126,8 +126,8 @@ def test_touching_balls_are_told_with_the_heights_of_two_rules(page, story) -> N
     assert text(page, "output[for=slider-gap]") == "1 mm"
     go(page, f"{story}#scene=real-balls&gap=0&lang=en")
     assert text(page, ".verdict-words") == (
-        "Not uniquely: the balls touch, and two usual tie rules give the top ball 3.95 and 0.672 drop heights (“one by"
-        " one, the lower first” and “at once, Poisson”); soft spheres give 2.19.")
+        "Not uniquely: the balls touch, and hard spheres have more than one answer: 3.95 or 0.672 drop heights for the"
+        " top ball (tie rules “one by one, the lower first” and “at once, Poisson”); soft spheres give 2.19.")
     go(page, f"{story}#scene=newtons-cradle&gap=0&at=0&lang=en")
     lens = "[...document.querySelectorAll('.lens-value')].map((one) => one.textContent)"
     assert page.run(lens) == ["0, touching"] * 2

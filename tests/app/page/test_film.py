@@ -30,7 +30,7 @@ def test_a_guess_is_dragged_and_held_against_both(page, way) -> None:
     page.mouse(*page.middle(".run"))
     settle(page)
     assert text(page, ".told") == (
-        f"You guessed {guess:g} drop heights. Hard spheres say 3.95, soft spheres 2.32. "
+        f"You guessed {guess:g} m. Hard spheres say 3.95, soft spheres 2.32. "
         f"You were nearer to the {'hard' if guess > 3.135 else 'soft'} spheres."
     )
     click(page, "[data-cause=losses]")
@@ -143,8 +143,7 @@ HELD = "document.querySelector('.hard .grip').getAttribute('aria-valuetext')"
 def test_the_ball_is_dragged_until_both_agree(page, way) -> None:
     turn(page, 5)
     settle(page)
-    told = ("No: hard spheres promise the top ball 3.95 drop heights, soft ones 2.32; the error is 24 % of the fastest"
-            " impact.")
+    told = "No: hard spheres promise the top ball 3.95 m, soft ones 2.32; the error is 24 %."
     assert text(page, ".verdict") == told
     assert text(page, ".because-line") == (
         "The push between floor and basketball lasts 12.9 ms. 88 % of it happens while basketball and tennis ball touch"
@@ -192,7 +191,7 @@ def test_a_table_tennis_ball_flies_at_the_second_bounce(page) -> None:
     assert gauges(page)[1] == "3.63"
     assert "100 %" not in text(page, ".because-line")  # the reason is that of the second bounce
     assert [ticks[-1] for ticks in last_picture(page)] == [float(height) for height in gauges(page)]
-    page.wait("document.querySelector('.spread').textContent.includes('3.6 to 3.8 drop heights')")
+    page.wait("document.querySelector('.spread').textContent.replace('\u00a0', ' ').includes('3.6 to 3.8 m')")
 
 
 def test_a_pair_of_balls_offers_the_gap_that_is_enough(page) -> None:

@@ -24,7 +24,7 @@ export class Handle {
   // `kind`: "gap", "guess" or nothing; `value` of it, `most`, and the gap from which on contacts do not overlap.
   load({ kind, value, most, safe, isFirst }) {
     Object.assign(this, { kind, value, most, safe });
-    const shown = kind === "gap" ? (value ? quantity(value, "m") : plain("touching")) : plain("your-guess", { guess: value ?? "–" });
+    const shown = kind === "gap" ? (value ? quantity(value, "m") : plain("touching")) : kind ? this.view.guessSaid(value ?? "–") : "";
     this.view.svg.classList.toggle("grabs", kind === "guess");
     set(this.grip, {
       visibility: kind ? "visible" : "hidden", tabindex: kind && isFirst ? 0 : null, role: kind && isFirst ? "slider" : null, "aria-hidden": kind && isFirst ? null : "true", "aria-orientation": "vertical",

@@ -49,6 +49,10 @@ class Page {
     return this.state.predict || Boolean(screenOf(this.state.screen).predict);
   }
 
+  get isStory() {
+    return this.state.screen < LAB;
+  }
+
   listen() {
     set($(".csv"), { onclick: () => save("contacts.csv", "text/csv", contactsCsv(this.report)) });
     set($(".link-button"), { onclick: () => copyLink($(".link-button"), this.current()) });
@@ -162,11 +166,11 @@ class Page {
     const { name, values } = this.state, { eps, k } = contactsIn(name, values);
     this.report = compareEngines(sceneOf(name, values), eps, k, { patience });
     this.draw(isMove);
-    this.spoken.load(this.report, this.predict.covered);
+    this.spoken.load(this.report, this.predict.covered, this.isStory);
   }
 
   draw(isMove) {
-    this.predict.load(this.report, SETUPS[this.state.name]);
+    this.predict.load(this.report, SETUPS[this.state.name], this.isStory);
     this.picture.load(this.report, this.state, isMove);
     this.controls.markGap(this.picture.safe);
   }

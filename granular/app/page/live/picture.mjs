@@ -53,7 +53,7 @@ export class Picture {
     this.clock.loops = screen === OPENING;
     this.later.plan({ ...panels, curve: () => this.curve.load(name, values, this.safe), ...inTime });
     if (!isMove) this.later.flush();
-    this.spread.load(name, values);
+    this.spread.load(name, values, screen < LAB);
   }
 
   loadStage() {
@@ -70,7 +70,7 @@ export class Picture {
     const grips = (screenOf(screen).grip || (inLab && SETUPS[name].sliders.some((slider) => slider.name === "gap"))) && !asks && scene.gap.length > 1;
     const handle = asks ? { kind: "guess", value: predict.guess, most: SETUPS[name].most } : grips ? { kind: "gap", value: values.gap, most: FARTHEST, safe } : { kind: "" };
     return {
-      asks, opens, kinds, names, called: (i) => (kinds[i] ? names[i] : plain("ball", { n: i })), handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, guesses: screen === GUESS ? state.guesses : [], gauge: !predict.on && screen > 3 && !inLab,
+      asks, opens, inLab, kinds, names, called: (i) => (kinds[i] ? names[i] : plain("ball", { n: i })), handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, guesses: screen === GUESS ? state.guesses : [], gauge: !predict.on && screen > 3 && !inLab,
       most: asks ? SETUPS[name].most * scene.drop : opens ? 1.5 * scene.drop : most, reach: reachOf(report), ghost: grips ? safe : 0,
     };
   }

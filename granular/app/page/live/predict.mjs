@@ -31,8 +31,8 @@ export class Predict {
   }
 
   // Covered, the page shows the start and nothing else.
-  load(report, setup) {
-    Object.assign(this, { report, setup });
+  load(report, setup, isStory) {
+    Object.assign(this, { report, setup, isStory });
     const falls = report.scene.gravity > 0;
     told($(".question"), falls ? "ask-height" : "ask-speed");
     $(".guess-row").hidden = falls;
@@ -82,7 +82,8 @@ export class Predict {
     if (!this.isTold) return told($(".told"), this.answered ? "watch" : "");
     const { hard, soft } = this.answered, agree = this.report.answer === "yes" && abs(hard - soft) < 0.02 * max(1, hard);
     if (!Number.isFinite(hard - soft)) return told($(".told"), "undecided", { engine: { say: Number.isFinite(hard) ? "soft-spheres" : "hard-spheres" } });
-    told($(".told"), agree ? "told-agree" : "told", { ...this.answered, unit: plain(`unit-${this.setup.measured}`) });
+    const { scene } = this.report, inMetres = (x) => (this.isStory ? x * scene.drop : x), { guess, nearer } = this.answered;
+    told($(".told"), agree ? "told-agree" : "told", { guess: inMetres(guess), hard: inMetres(hard), soft: inMetres(soft), nearer, unit: this.isStory ? "m" : plain(`unit-${this.setup.measured}`) });
     if (!agree && this.report.scene.gravity) this.ask();
   }
 

@@ -14,20 +14,20 @@ export class Spread {
   }
 
   // Nine more runs, when nothing else is to be done.
-  load(name, values) {
-    const key = name === "real-balls" ? JSON.stringify(values) : "";
+  load(name, values, isStory) {
+    const key = name === "real-balls" ? JSON.stringify([values, isStory]) : "";
     $(".spread").hidden = !key;
     if (!key || key === this.key) return;
     this.key = key;
-    whenIdle(() => key === this.key && this.show(values));
+    whenIdle(() => key === this.key && this.show(values, isStory));
   }
 
-  show(values) {
+  show(values, isStory) {
     const factors = [1, 2].map((i) => this.factorOf(values, i)), found = spreadOf(values, factors);
     if (!found) return told($(".spread"), "");
     const uncertain = max(...factors) > 1.5 ? { say: "factor-two" } : { say: "twenty-percent" };
-    const n = digits(found[0], 2) === digits(found[1], 2) ? 3 : 2, [low, high] = found.map((rise) => digits(rise, n));
-    told($(".spread"), "spread", { low, high, uncertain });
+    const n = digits(found[0], 2) === digits(found[1], 2) ? 3 : 2, [low, high] = found.map((rise) => digits(isStory ? rise * values.height : rise, n));
+    told($(".spread"), "spread", { low, high, unit: isStory ? "m" : { say: "unit-in-drops" }, uncertain });
   }
 
   factorOf(values, i) {

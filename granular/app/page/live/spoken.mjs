@@ -7,8 +7,8 @@ import { plain, told } from "./words.mjs";
 const PAUSE = 350; // ms without a change
 
 export class Spoken {
-  load(report, covered) {
-    const { answer, verdict } = inHeights(report);
+  load(report, covered, isStory) {
+    const { answer, verdict } = inHeights(report, isStory);
     told($(".verdict-words"), verdict.say, verdict);
     $(".verdict").classList.toggle("yes", answer === "yes");
     clearTimeout(this.waiting);

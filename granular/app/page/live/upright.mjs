@@ -19,10 +19,11 @@ export class Upright {
     set(this.title, { x: 10, y: 22, class: "stage-name" });
   }
 
-  // `look`: what the screen wants to be seen: kinds and names of the balls, greatest height, ghosts, gauge.
+  // `look`: what the screen wants to be seen: kinds and names of the balls, greatest height, ghosts, gauge. Heights are in drop
+  // heights in the laboratory, and in metres in the story.
   layout(report, film, look, [w, tall]) {
     const { scene } = report;
-    Object.assign(this, { scene, film, look, w, tall, top: scene.mass.length - 1, upNow: null, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
+    Object.assign(this, { scene, film, look, w, tall, per: look.inLab ? scene.drop : 1, top: scene.mass.length - 1, upNow: null, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
     this.camera = new Camera({ scene, wide: w, tall, most: look.most, reach: look.reach, size: look.opens ? 1.6 : 1 });
     const shape = JSON.stringify([look.kinds, scene.radius, w, tall]);
     if (shape !== this.shape) this.build();
@@ -52,23 +53,23 @@ export class Upright {
     set(this.svg, { "aria-label": plain("stage-said", { engine: { say: `${engine}-spheres` }, n: count }) });
   }
 
-  // In drop heights, counted from where the top ball stands when all stand on one another.
+  // Counted from where the top ball stands when all stand on one another.
   drawRuler() {
-    const { camera, scene, w, top } = this, { drop } = scene, rest = camera.place(scene.radius.map(() => 0))[top].zero, [scale] = camera.scales(0);
-    this.ruler.innerHTML = ticks([0, camera.most / drop], 5).map((v) => {
-      const y = camera.down(rest + v * drop * scale);
-      return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v === 1 ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: min(y + 4, camera.down(5)), "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
-    }).join("") + [plain("in-drops"), plain("zero-is", { ball: this.look.called(top) })].map((words, i) => markup("text", { x: w - 10, y: (w < NARROW ? 38 : 20) + 15 * i, "text-anchor": "end", class: "ruler-tick" }, words)).join("");
+    const { camera, scene, w, top, per } = this, rest = camera.place(scene.radius.map(() => 0))[top].zero, [scale] = camera.scales(0);
+    this.ruler.innerHTML = ticks([0, camera.most / per], 5).map((v) => {
+      const y = camera.down(rest + v * per * scale);
+      return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v * per === scene.drop ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: min(y + 4, camera.down(5)), "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
+    }).join("") + [plain(this.look.inLab ? "in-drops" : "in-metres"), plain("zero-is", { ball: this.look.called(top) })].map((words, i) => markup("text", { x: w - 10, y: (w < NARROW ? 38 : 20) + 15 * i, "text-anchor": "end", class: "ruler-tick" }, words)).join("");
   }
 
   // How high the top ball will fly, beside the contact that decides it.
   drawGauge(finals) {
-    const { camera, scene, w, tall, look } = this, rise = finals[this.top].rise / scene.drop, most = look.most / scene.drop;
+    const { camera, scene, w, tall, look, per } = this, { rise } = finals[this.top], { most } = look;
     if (!look.gauge || !(rise >= 0)) return void (this.gauge.innerHTML = "");
     const y = (v) => camera.down((v / most) * (tall - 90)), x = w - GAUGE - 6, floor = y(0);
     const bar = markup("rect", { x, width: GAUGE - 8, y: y(rise), height: max(1, floor - y(rise)), class: `gauge-bar ${this.engine}-bar` });
-    const one = markup("line", { x1: x - 4, x2: x + GAUGE - 4, y1: y(1), y2: y(1), class: "drop-line" });
-    this.gauge.innerHTML = bar + one + markup("text", { x: w - 8, y: y(rise) - 6, "text-anchor": "end", class: `gauge-value ${this.engine}` }, digits(rise, 3));
+    const one = markup("line", { x1: x - 4, x2: x + GAUGE - 4, y1: y(scene.drop), y2: y(scene.drop), class: "drop-line" });
+    this.gauge.innerHTML = bar + one + markup("text", { x: w - 8, y: y(rise) - 6, "text-anchor": "end", class: `gauge-value ${this.engine}` }, digits(rise / per, 3));
   }
 
   show(frame, press) {
@@ -100,7 +101,7 @@ export class Upright {
   // From where a ball stands, dotted, to its highest point, with the number: between the ruler and the balls, or where there is
   // no room beyond them.
   drawTops(balls, { time, zoom }) {
-    const { film, engine, camera, scene, look } = this, widest = max(...balls.map((one) => one.r)), side = this.w < NARROW ? 1 : -1;
+    const { film, engine, camera, look, per } = this, widest = max(...balls.map((one) => one.r)), side = this.w < NARROW ? 1 : -1;
     const step = min(30, (side > 0 ? this.w - this.x - widest - 34 : this.x - LEFT - 24) / this.top);
     const up = balls.map((_, i) => i > 0 && zoom < 0.3 && !look.asks && film.isUp(engine, i, time)), key = up.join();
     if (key === this.upNow && zoom > 0 === this.wasNear) return;
@@ -109,7 +110,7 @@ export class Upright {
       if (!up[i]) return "";
       const x = (this.x + side * (widest + 10 + step * (this.top - i))).toFixed(1), [y1, y2] = [zero, max(zero, low)].map((z) => camera.down(z).toFixed(1));
       const line = markup("path", { d: `M${x} ${y1}V${y2}m${5 * side} 0h${-side * (i === this.top ? 40 : 10)}M${x - 5} ${y1}h10`, class: "top-line" });
-      const rise = max(0, film.lanes[engine].held[i]) / scene.drop;
+      const rise = max(0, film.lanes[engine].held[i]) / per;
       const zeroLine = markup("line", { x1: x, x2: this.x, y1, y2: y1, class: "zero-mark" }), isOut = side > 0 && x > this.w - 40;
       const place = isOut ? { x: this.w - 3, "text-anchor": "end" } : { x: x - 5 * side, "text-anchor": side > 0 ? "start" : "end" };
       return zeroLine + line + (look.opens ? "" : markup("text", { ...place, y: y2 - 6, class: `top-value ${engine}` }, digits(rise, 3)));
@@ -129,10 +130,14 @@ export class Upright {
     const poised = abs(time) < 1e-9 && zoom > 0.99;
     if (ghost > 0 && poised) parts.push(this.ghostBall(zero + ghost * camera.scales(1)[0], r, plain("gap-mark", { gap: [ghost, "m", 2] })));
     const at = guess ?? (asks ? 1 : null);
-    if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? max(12, r) : r, guess === null ? plain("drag-me") : plain("your-guess", { guess })));
+    if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? max(12, r) : r, guess === null ? plain("drag-me") : this.guessSaid(guess)));
     if (zoom < 0.3) parts.push(...dots(look.guesses).map(([height, place]) => markup("circle", { cx: this.w - 16 - 13 * place, cy: camera.down(zero + height * this.scene.drop * camera.scales(0)[0]), r: 5, class: "dot" })));
     const written = parts.join("");
     if (this.ghosts.written !== written) this.ghosts.innerHTML = this.ghosts.written = written;
+  }
+
+  guessSaid(guess) {
+    return plain("your-guess", { guess: guess > 0 ? (guess * this.scene.drop) / this.per : guess });
   }
 
   ghostBall(low, r, words) {

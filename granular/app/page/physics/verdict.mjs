@@ -40,13 +40,13 @@ const forever = ({ forever: n }) => (n ? ["forever", { say: "verdict-forever", n
 function notUnique({ scene, rule, tieErrors, predictable }) {
   const [error, worst] = tieErrors.reduce((most, [name, e]) => (e > most[0] ? [e, name] : most), [0, ""]);
   const called = (name) => ({ say: `tie-${scene.gravity ? (UPRIGHT[name] ?? name) : name}` });
-  if (error > SAME) return ["not_unique", { say: "verdict-ties", one: called(rule), other: called(worst), worst, error: inPercent(error) }];
+  if (error > SAME) return ["not_unique", { say: "verdict-ties", rules: { say: "two-rules", one: called(rule), other: called(worst) }, worst, error: ofFastest(error) }];
   return predictable > SAME && scene.gap.includes(0) ? ["not_unique", { say: "verdict-tie" }] : null;
 }
 
 function unpredictable({ predictable, shift, cut }) {
   if (predictable > SAME) return ["not_ball_by_ball", { say: "verdict-chaos", share: [(100 * cut.shared) / cut.impulse, "", 2] }];
-  return shift > SAME ? ["not_unique", { say: "verdict-shift", error: inPercent(shift) }] : null;
+  return shift > SAME ? ["not_unique", { say: "verdict-shift", error: ofFastest(shift) }] : null;
 }
 
 // Pairs that do not rest, with other numbers of contacts.
@@ -68,7 +68,7 @@ function parting({ scene, error, leaves: { apart, ball, soft, hard }, unit }) {
 // Yes takes an error that is known, and small, no ball that sinks where it rests, and checks that came to their end.
 function outcomes(report) {
   const { error, sunk, cut, unchecked } = report;
-  if (!(error <= SAME)) return ["off", { say: "verdict-off", error: inPercent(error), parting: parting(report) }];
+  if (!(error <= SAME)) return ["off", { say: "verdict-off", error: ofFastest(error), parting: parting(report) }];
   if (sunk > SAME) return ["sinks", { say: "verdict-sinks", share: inPercent(sunk) }];
   if (unchecked) return ["undecided", { say: "verdict-unchecked" }];
   if (isShared(cut)) return ["yes, overlap", { say: "verdict-yes-overlap", within: within(error), overlap: { say: "overlap" } }];
@@ -79,19 +79,28 @@ const isShared = ({ shared, impulse }) => shared > ROUNDING * impulse;
 
 const inPercent = (x, n = 2) => ({ say: "percent", n: [x < 1e-12 ? 0 : 100 * x, "", n] });
 
+// Errors are in units of the fastest impact. The story leaves the unit out.
+const ofFastest = (x, n = 2) => ({ ...inPercent(x, n), say: "of-fastest" });
+
+const inStory = (verdict) => ({ ...verdict, rules: "", ...(verdict.error ? { error: { ...verdict.error, say: "percent" } } : {}), ...(verdict.within?.error ? { within: inStory(verdict.within) } : {}) });
+
 // Up to one digit: the error is never larger than is said.
 const within = (error, unit = 10 ** floor(log10(error))) =>
-  (error < 1e-12 ? { say: "within-rounding" } : { say: "within", bound: Math.ceil(error / unit) * unit, error: inPercent(Math.ceil(error / unit) * unit, 1) });
+  (error < 1e-12 ? { say: "within-rounding" } : { say: "within", bound: Math.ceil(error / unit) * unit, error: ofFastest(Math.ceil(error / unit) * unit, 1) });
 
 // The answer in heights where something rises: it is that of the library, and stands beside its error. A small error that
-// does not decide is left out.
-export function inHeights(report) {
-  const { finals, scene, answer, verdict, error, kind, leaves, cut, otherRise } = report, last = scene.mass.length - 1;
-  const [hard, soft] = ["hard", "soft"].map((engine) => (scene.gravity ? finals[engine][last].rise / scene.drop : NaN)), high = otherRise / scene.drop;
-  if (verdict.worst && soft >= 0 && digits(hard) !== digits(high)) return { answer, verdict: { ...verdict, say: "heights-ties", low: hard, high, soft } };
+// does not decide is left out. The story has the same sentences in metres, without the names of rules and units.
+export function inHeights(report, isStory = false) {
+  const { answer } = report, verdict = heightsOf(report, isStory ? 1 : report.scene.drop, isStory ? "m" : { say: "unit-in-drops" }) ?? report.verdict;
+  return { answer, verdict: isStory ? inStory(verdict) : verdict };
+}
+
+function heightsOf({ finals, scene, answer, verdict, error, kind, leaves, cut, otherRise, unit: fastest }, per, unit) {
+  const last = scene.mass.length - 1, [hard, soft] = ["hard", "soft"].map((engine) => (scene.gravity ? finals[engine][last].rise / per : NaN)), high = otherRise / per;
+  if (verdict.worst && soft >= 0 && digits(hard) !== digits(high)) return { ...verdict, say: "heights-ties", low: hard, high, soft, unit };
   const decides = answer === "yes" || (answer === "no" && error > SAME);
-  if (!decides || kind === "forever" || !(hard >= 0 && soft >= 0)) return { answer, verdict };
+  if (!decides || kind === "forever" || !(hard >= 0 && soft >= 0)) return null;
   const isClose = abs(hard - soft) <= ALIKE * max(hard, soft), key = answer === "yes" ? (isClose ? "yes" : "later") : !isClose ? "no" : error <= NEARLY ? "nearly" : "alike";
-  const why = verdict.counts ? { say: "also", it: verdict.counts } : leaves.ball === last ? "" : parting(report);
-  return { answer, verdict: { say: `heights-${key}`, top: last > 1 ? { say: "to-top" } : "", hard, soft, why, error: inPercent(error), overlap: isShared(cut) ? { say: "overlap" } : "" } };
+  const why = verdict.counts ? { say: "also", it: verdict.counts } : leaves.ball === last ? "" : parting({ scene, error, leaves, unit: fastest });
+  return { say: `heights-${key}`, top: last > 1 ? { say: "to-top" } : "", hard, soft, unit, why, error: ofFastest(error), overlap: isShared(cut) ? { say: "overlap" } : "" };
 }
