@@ -66,8 +66,8 @@ def what_is_named_is_there(site, html):
 
 def the_start_page_leads_on(site, html):
     index = html[site / "index.html"]
-    parts = ("<figure", 'href="page/index.html"', "<h2>Who needs it", "<h2>When not to use it",
-             "<h2>Install", "<h2>First comparison", "<h2>Three ways on", "<iframe")
+    parts = ("<figure", 'href="page/index.html"', "<h2>When to use it", "<h2>When not to use it",
+             "<h2>Install", "<h2>First comparison", "<h2>Next steps", "<iframe")
     places = [index.index(part) for part in parts]
     assert places == sorted(places)
     path = ("Researcher.", "DEM user.", "Teacher.")
