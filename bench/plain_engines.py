@@ -31,16 +31,16 @@ SECTIONS = (
     ("Hard spheres: the event loop", "granular.edmd.sorted_queue", ("loop", "head", "refresh"), """\
 The queue holds one entry (time, rank) for each pair that will collide. The loop takes the first entry, applies the
 collision, and predicts the pair and its two neighbours again. If bodies stick or are released, it predicts all pairs
-of and next to their cluster.
+of their cluster and the pairs next to it.
 
 * *Ties.* Events with exactly equal times are ordered by rank: by default, the lower pair comes first (option `ties`).
   A pair that touches and approaches is due immediately. A collision can therefore cause further events at the same
   time. With a group rule (`GROUP`, such as `ties="newton"`) the loop returns `TOUCHING` if a neighbour touches, and
   its caller solves the whole touching group.
-* *Clock.* Times are counted from an *epoch*. `run.edge` is at most the end of a time window after it. If the next
-  event is later, the loop returns `LATER`. The caller then moves the epoch by whole windows: it carries all gaps to
-  the new epoch, changes the fall velocities by −g times the shift, and predicts all pairs again. Late times therefore
-  keep their digits.
+* *Clock.* Times are counted from an *epoch*. `run.edge` is at most the end of the time window that begins at the
+  epoch. If the next event is later, the loop returns `LATER`. The caller then moves the epoch by whole windows: it
+  carries all gaps to the new epoch, changes the fall velocities by −g times the shift, and predicts all pairs again.
+  Late times therefore keep their digits.
 * *End.* The queue ends with an entry at time inf, so it is never empty. `APART` stops the run when no pair
   approaches."""),
     ("Hard spheres: one collision", "granular.edmd.collision", ("collide_pair",), """\
@@ -53,8 +53,8 @@ A collision changes the rates of the two neighbouring pairs, so these are carrie
 balls stay as they are.
 
 `clamps` counts gaps that rounding made negative. `noise` is here a bound of the *squared* rounding error of u, in
-m²/s². `streak` grows with suspicious collisions in a row: the sign of an inelastic collapse. `tc`, `elastic_below`
-and `merge_below` are its remedies."""),
+m²/s². `streak` grows with consecutive suspicious collisions, which are the sign of an inelastic collapse. `tc`,
+`elastic_below` and `merge_below` are its remedies."""),
     ("Hard spheres: prediction and velocities after a collision", "granular.edmd.motion",
      ("next_event_time", "apply_collision"), """\
 `time_to_contact(gap, rate, a)` returns the time until the gap closes: the root of gap + rate·t − a·t²/2 at which the
@@ -116,8 +116,8 @@ INTRODUCTION = """# The engines without special scenes
 The functions below are the core of both engines. They are cut from the source, without the branches for driven and
 thermal walls, external forces, pendula and rings, by `python bench/plain_engines.py`. Docstrings and arguments are not
 cut, so they also mention these features. A test runs three scenes with these functions in place of the originals and
-compares the results bit by bit. Symbols and signs are those of the [notation](../guide/notation.md). An approach is a
-negative rate of the gap for hard spheres, and a positive rate of the overlap for soft spheres.
+requires bitwise identical results. Symbols and signs are defined in the [notation](../guide/notation.md). An approach
+is a negative rate of the gap for hard spheres, and a positive rate of the overlap for soft spheres.
 
 `examples/from_scratch.py` shows the ideas of the event loop and of fixed steps for three bodies. It uses the package
 only for its final check.
