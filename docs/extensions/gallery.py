@@ -1,6 +1,6 @@
-"""The gallery: examples dressed for it, and the figure that each of them draws as its picture.
+"""The gallery: examples as pages with titles, and with their figures as images.
 
-The first line of an example is its title, the rest of its docstring says what it shows. Its variable `figure` is drawn.
+The first line of the docstring of an example is its title, the rest its description. Its variable `figure` is drawn.
 """
 
 import html
@@ -12,14 +12,16 @@ HEADER = """\
 Examples
 ========
 
-Findings first: published results beside hard spheres and Newton, and what is new in them.
+Findings: published results, compared with hard spheres and with Newton's equation. Each page also states the new
+result.
 """
-FEATURES = "Features\n========\n\nA few lines each, with what they print and draw.\n"
+FEATURES = "Features\n========\n\nShort examples with their output and figures.\n"
 PAPER = """\
 The paper's figures
 ===================
 
-What :doc:`/theory/paper` shows, made by one script each, ``python examples/paper/sequence.py -o x.png --json x.json``.
+Scripts of the figures in :doc:`/theory/paper`. Each script writes its figure and the numbers in it, for example
+``python examples/paper/sequence.py -o x.png --json x.json``.
 """
 SHELVES = {"": ("findings", HEADER), "features": ("", FEATURES), "paper": ("paper", PAPER)}
 """Where scripts are shown, in that order: their folder in ``examples/``, and the words above them."""

@@ -12,7 +12,8 @@ time is measured, and its dependence on ε.
 :Soft spheres: ε = 0.5 and contacts of 2 ms do not need a cut-off. Over 24 draws of 60 points the energy left at t = 16
     is 0.0595, with hard spheres 0.0594. The difference is a tenth of a standard deviation (8 draws do not decide).
     Eight draws have 5809 contacts and 27 586 collisions, because one contact replaces many collisions in a cluster.
-:New: Soft spheres cool like hard spheres and need no cut-off. The result has a margin and event counts of both models.
+:New: Soft spheres cool like hard spheres and need no cut-off. The result has an error margin and the
+    numbers of events of both models.
 :Read: The abstract and the first page.
 """
 

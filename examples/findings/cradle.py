@@ -12,8 +12,8 @@ ball leaves alone with the same speed. This result is tested for different gaps 
     balls touch, 0.042 at gaps of 1 µm, 0.006 at 3 µm, and 0 at 10 µm. The striker moves 17 µm in the time of a contact.
     With ε = 0.98, 0.34 of the energy is left after 20 periods if the balls touch, 0.23 at gaps of 10 µm, and 0.21 with
     hard spheres.
-:New: Six digits, and the gap: a tenth of a hair's width makes the textbook right, and the cradle loses its energy
-    faster.
+:New: Six digits of the outcome, and the minimum gap: at 10 µm, a tenth of a hair's width, the textbook result holds.
+    The cradle then loses its energy faster.
 :Read: The web page of the Dublin group on their paper of 2004. The other papers are quoted from memory. Air drag is
     neglected.
 """

@@ -1,7 +1,8 @@
 """π by counting collisions: the limit of soft balls
 
 A ball of 1 kg rests 1 m beside a wall. A ball of 100ᵈ kg approaches at 1 m/s. The number of all collisions, including
-hits of the wall, has the first digits of π. The number of digits is determined for collisions with a duration.
+hits of the wall, has the first digits of π. The number of correct digits is determined for collisions of
+finite duration.
 
 :Published: ⌊π 10ᵈ⌋ collisions (Galperin, Regul. Chaotic Dyn. 8, 375 (2003)).
 :Hard spheres: 3, 31, 314, 3141, 31 415, 314 159, all with the first digits of π.

@@ -10,7 +10,7 @@ The energy share of the last ball is determined.
 :Soft spheres: 0.9716, 0.7520 and 0.2741 for steel. Hertz contacts of one stiffness give 0.9716, 0.7204 and 0.2037,
     springs 0.6491, 0.2063 and 0.0189.
 :New: One number for both abstracts: compared with steel, hard spheres are off by 3 % at q = 0, by 19 % at 0.05, and by
-    a factor of 2.3 at 0.1, compared with springs by a factor of 33. A chain of equal balls with springs does not even
+    a factor of 2.3 at 0.1. Compared with springs, this factor is 33. A chain of equal balls with springs does not even
     pass on its energy.
 :Read: The abstracts of all three papers. The pulses of the theory are not compared here.
 """

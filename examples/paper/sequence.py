@@ -1,6 +1,6 @@
 """Figure 3: the sequence of contacts over ε
 
-A vertical cut is a run. Bands are contacts of the two balls. Broken lines are the adiabatic theory.
+Each vertical line is a run. Bands are contacts of the two balls. Dashed lines show the adiabatic theory.
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
 """Setting of the paper, and code shared by its figures
 
-The paper leaves some parameters open. The choice here is R1 = 0.1 m, R2 = 0.01 m, k = 5e7 N/m, Δh = 1e-4 m,
-z1 = 0.6 m, g = 9.81 m/s² and ρ = 900 kg/m³, with which all of its observations are true. z1 is the centre of the lower
-ball and stays constant as R1 varies. These are the defaults of `gr.scenes.three_balls`. Times count from the first
-contact of the lower ball and the floor.
+The paper leaves some parameters open. The choice here is R1 = 0.1 m, R2 = 0.01 m, k = 5e7 N/m, Δh = 1e-4 m, z1 = 0.6
+m, g = 9.81 m/s² and ρ = 900 kg/m³. These values reproduce all observations of the paper. z1 is the centre of the
+lower ball and stays constant as R1 varies. These are the defaults of `gr.scenes.three_balls`. Times count from the
+first contact of the lower ball and the floor.
 """
 
 import argparse
