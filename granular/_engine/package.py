@@ -9,7 +9,8 @@ from typing import Any
 
 NAME = "granular-collisions"
 """Name for pip. Another package of the index has the import name `granular`."""
-VERSION = "0.2.0"
+VERSION = "0.3.0"
+"""Version, read by the build. `tests/docs/test_citation.py` compares all copies."""
 CROSS_ROOM_LOADERS: dict[str, Callable[[], Any]] = {}
 """Loaders of functions of other subpackages that a subpackage must not import.
 

@@ -10,7 +10,7 @@ import pytest
 import granular as gr
 from bench import mutants
 from granular._engine import kernels
-from granular._engine.package import EXTRAS, NAME, install
+from granular._engine.package import EXTRAS, NAME, VERSION, install
 from granular.app.cli import installation
 from granular.app.page.assemble import LIVE_PARTS, PLAYER_PARTS, _needed_modules
 
@@ -93,7 +93,7 @@ KINDS = ["Answers that changed", "Added", "Changed", "Fixed", "Removed", "Faster
 
 def test_the_changelog_has_the_sections_of_a_release_and_one_line_per_change():
     releases = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
-    assert any(text.startswith(f"{PROJECT['version']} — ") for text in releases)
+    assert any(text.startswith(f"{VERSION} — ") for text in releases)
     for text in releases:
         lines = [line for line in text.splitlines()[1:] if line]
         kinds = [line.removeprefix("### ") for line in lines if line.startswith("### ")]
