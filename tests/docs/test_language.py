@@ -179,7 +179,7 @@ def repeated(found: dict[str, list[str]]) -> dict[str, list[str]]:
 def pages() -> dict[str, list[tuple[str, str]]]:
     """Text of the pages by folder, and the Markdown of the notebooks, without code, tables, formulas and links."""
     found = defaultdict(list)
-    for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*"))]:
+    for path in [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*"))]:
         place = path.relative_to(ROOT)
         if BUILT & set(place.parts) or path.suffix not in (".md", ".ipynb"):
             continue
