@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -28,16 +29,16 @@ TEST_FOLDERS = {"_engine": ("engine",), "md": ("located", "fixed", "md")}
 """Test folders of a room, if their names differ from its name."""
 
 
-def room_sizes(tree: Path) -> dict[str, tuple[int, int]]:
-    """Numbers of files and of statements of each room."""
+def room_sizes(tree: Path, rooms: Iterable[str] = ()) -> dict[str, tuple[int, int]]:
+    """Numbers of files and of statements of each room, or of given folders."""
     sizes = {}
-    for room in ROOMS:
+    for room in rooms or ROOMS:
         files = sorted((tree / "granular" / room).rglob("*.py"))
         sizes[room] = len(files), sum(statements(ast.parse(file.read_text(encoding="utf-8"))) for file in files)
     return sizes
 
 
-def test_seconds(tree: Path) -> dict[str, int]:
+def seconds_of_tests(tree: Path) -> dict[str, int]:
     """Processor time of the tests of each folder in s, from tests/README.md."""
     text = (tree / "tests" / "README.md").read_text(encoding="utf-8")
     seconds: dict[str, int] = {}
@@ -48,7 +49,7 @@ def test_seconds(tree: Path) -> dict[str, int]:
 
 def room_table(tree: Path) -> str:
     """Table of the rooms, with a last row for the whole package and all tests."""
-    sizes, seconds = room_sizes(tree), test_seconds(tree)
+    sizes, seconds = room_sizes(tree), seconds_of_tests(tree)
     lines = ["| room | subject | files | statements | tests, s |", "|---|---|---|---|---|"]
     for room, subject in ROOMS.items():
         spent = sum(seconds[folder] for folder in TEST_FOLDERS.get(room, (room,)))
