@@ -33,6 +33,7 @@ STORED = json.loads((ROOT / "paper" / "predictors.json").read_text(encoding="utf
 """Written by `examples/paper/predictors.py --points 24 --json paper/predictors.json`."""
 POINTS, LIMIT = 24, ERROR_LIMIT
 MAXIMUM_WORDS, MINIMUM_WORDS = 1400, 1000
+WORDS = {5: "five", 6: "six"}
 sys.path.append(str(ROOT / "examples" / "paper"))
 
 
@@ -114,7 +115,7 @@ def comparison():
 
 
 def promises():
-    number = {6: "six"}[len(verification.names())]
+    number = WORDS[len(verification.names())]
     assert "| located, linear laws | 1e-14 of the impact speed × max(1, condition number) |" in PAGES["limits"]
     assert "| located, Hertz laws | 1e-12 of the impact speed × max(1, condition number) |" in PAGES["limits"]
     digits = signature(solve).parameters["digits"].default
@@ -124,6 +125,8 @@ def promises():
 
 def measures():
     """From stored runs, some of which are computed again below, and all of them by the soak."""
+    from predictors import CANDIDATE_LABELS
+
     error, phi = column("error"), column("shared_impulse")
     number, bad = len(error), int(np.sum(error > LIMIT))
     separate = column("crowding") == 0.0
@@ -138,7 +141,9 @@ def measures():
             for name in ("shared_impulse", "crowding", "occupation")}
     assert rank == pytest.approx({name: STORED["rank_correlation"][name] for name in rank})
     return (f"measures for {number} runs of two balls, stacks, cradles, columns and gases",
-            f"The error exceeds {LIMIT} in {bad} of them", f"for {number} runs of five kinds of scenes",
+            f"The error exceeds {LIMIT} in {bad} of them",
+            f"over {WORDS[len(CANDIDATE_LABELS)]} measures of disagreement, "
+            f"for {number} runs of {WORDS[len(STORED['scenes'])]} kinds of scenes",
             f"Its best limit is wrong for {time_wrong} runs, and its rank correlation with the error is "
             f"{rank['occupation']:.2f}",
             f"Its best limit is wrong for {p_wrong} runs, with a rank correlation of {rank['crowding']:.2f}. "
