@@ -4,7 +4,7 @@
 for linear contacts with event location, in JavaScript), ``live`` (the teaching page), ``player`` (recorded runs).
 `opening` has the initial states of the teaching page, `recording` reduces a run to a size that a page can embed.
 
-Support modules: `assemble`, `opening`, `recording`.
+Support modules: `assemble`, `opening`, `recording`, `renaming` (short names), `script` (tokens).
 """
 
 from granular.app.page.assemble import live_page, player_page

@@ -19,46 +19,17 @@ from typing import Any
 
 from granular._engine import files as _files
 from granular._engine.package import VERSION
-from granular.app.page import opening, recording
+from granular.app.page import opening, recording, renaming, script
 from granular.app.page.opening import LANGUAGES
 from granular.cases import balls
 from granular.run.trajectory import Trajectory
 
 IMPORT_PATTERN = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT_PATTERN = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
-COMMENT_PATTERN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTILINE)
-"""Comments, indents and blank lines, which are removed."""
-LITERAL_PATTERNS = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
-        r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
-"""Strings and regular expressions of a script, in which spaces are kept.
-
-Nested template strings are not supported.
-"""
-OPERATOR_PATTERN = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
-SHORT_WORDS = {"const": "let", "Infinity": "1/0", "true": "!0", "false": "!1"}
-"""Words of a script with a shorter equivalent.
-
-They are not replaced where they are names of properties.
-"""
-SPACE_PATTERN = re.compile(
-    rf" ?({'|'.join(LITERAL_PATTERNS)}) ?|\s*({OPERATOR_PATTERN})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|"
-    rf"(?<![\w.])(?:{'|'.join(SHORT_WORDS)})(?![\w:])"
-)
-"""Spaces around operators, zeros before decimals, and words of `SHORT_WORDS`."""
-PARENTHESES_PATTERN = re.compile(r"(?<![\w$])\((\w+)\)=>")
-"""Parentheses around a single parameter of a function."""
-DECLARATION_PATTERN = re.compile(r"(?<![^;{}\n])(let (?:[^;{}]|\{[^;{}]*\})*);let ")
-"""Consecutive declarations, which are joined."""
 STYLE_SPACE_PATTERN = re.compile(
     r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)", re.MULTILINE
 )
 """Unnecessary spaces of a style sheet."""
-CONSTANTS_PATTERN = re.compile(r"^(?:export )?const (?!.*=>).*$", re.MULTILINE)
-"""Lines of a module that define several constants."""
-DEFINITION_PATTERN = re.compile(
-    r"^(?:export )?(?:const|let|(?:async )?function\*?|class) ([\w$]{3,})", re.MULTILINE)
-"""Names that a module defines at its top level, one per line."""
-LITERAL_PATTERN = re.compile("|".join(LITERAL_PATTERNS))
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 BLOCKED_KEY = "blocked"
@@ -113,8 +84,16 @@ def bundle(*mains: str) -> str:
 
     All modules share one scope. Their names must therefore differ: browsers refuse a script that declares a name twice.
     """
-    return "\n".join(
-        _minified(part_text(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed_modules, mains))))
+    return script.joined(script.tokens(source(*mains)))
+
+
+def source(*mains: str) -> str:
+    """Return the text of modules and of their imports, each module once.
+
+    Import and export statements are removed.
+    """
+    names = dict.fromkeys(chain.from_iterable(map(_needed_modules, mains)))
+    return "\n".join(EXPORT_PATTERN.sub("", IMPORT_PATTERN.sub("", part_text(name))) for name in names)
 
 
 def _needed_modules(name: str) -> Iterator[str]:
@@ -129,48 +108,8 @@ def _needed_modules(name: str) -> Iterator[str]:
 
 @cache
 def _bundle_with_short_names(main: str) -> str:
-    """Return the bundle of a module with short top-level names.
-
-    A name that occurs as a property, as a key or in a shorthand such as ``{ name }`` anywhere is kept.
-    """
-    modules = list(map(part_text, dict.fromkeys(_needed_modules(main))))
-    code = CONSTANTS_PATTERN.sub(
-        lambda line: re.sub(r", (?=[\w$]+ = )", "\nconst ", line[0]),
-        "".join(COMMENT_PATTERN.sub("", IMPORT_PATTERN.sub("", module)) for module in modules))
-    names = [name for name in dict.fromkeys(DEFINITION_PATTERN.findall(code)) if not re.search(
-        rf"\.{name}\b|\b{name}:|[{{,]\s*{name}\s*[,}}=]", code)]
-    short = {name: f"${i:x}" for i, name in enumerate(names)}
-    return "\n".join(_minified(_renamed(IMPORT_PATTERN.sub("", module), short)) for module in modules)
-
-
-def _renamed(source: str, short: Mapping[str, str]) -> str:
-    """Replace names of a script, and remove its comments.
-
-    Texts and patterns are kept. In template strings only names inside ``${}`` are replaced.
-    """
-    word = re.compile(r"(?<![\w$])(?:" + "|".join(map(re.escape, short)) + r")(?![\w$])")
-    parts, end, source = [], 0, COMMENT_PATTERN.sub("", source)
-    for literal in LITERAL_PATTERN.finditer(source):
-        kept = literal[0] if literal[0][0] != "`" else re.sub(
-            r"\$\{[^}]*\}", lambda inside: word.sub(lambda name: short[name[0]], inside[0]), literal[0])
-        parts += [word.sub(lambda name: short[name[0]], source[end : literal.start()]), kept]
-        end = literal.end()
-    return "".join([*parts, word.sub(lambda name: short[name[0]], source[end:])])
-
-
-def _minified(source: str) -> str:
-    stripped = COMMENT_PATTERN.sub("", EXPORT_PATTERN.sub("", IMPORT_PATTERN.sub("", source)))
-    result, previous = PARENTHESES_PATTERN.sub(r"\1=>", SPACE_PATTERN.sub(_shorten, stripped)), ""
-    while result != previous:
-        result, previous = DECLARATION_PATTERN.sub(r"\1,", result), result
-    return result.replace("</script", "<\\/script")
-
-
-def _shorten(match: re.Match[str]) -> str:
-    kept, signs, sign = match.groups()
-    if signs:
-        return re.sub(r";(?=\})", "", "".join(signs.split()))
-    return kept or sign or SHORT_WORDS.get(match[0], "")
+    """Return the bundle of a module with short names of variables."""
+    return script.joined(renaming.renamed(script.tokens(source(main))))
 
 
 def embedded(data: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from urllib.request import url2pathname
 import pytest
 
 import granular as gr
-from granular.app.page import assemble, live_page, player_page
+from granular.app.page import assemble, live_page, player_page, renaming, script
 from tests.app.page.driving import click, fresh, go, named, slide, text
 
 HERE = Path(__file__).parent
@@ -28,15 +28,18 @@ def test_the_paper_is_what_the_laboratory_opens_with(page, live) -> None:
 
 
 def test_golden_data_in_the_browser(tab, tmp_path) -> None:
+    """With the short names that the page has."""
     check = assemble.EXPORT_PATTERN.sub(
         "", assemble.IMPORT_PATTERN.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8"))
     )
     cases = (HERE / "golden.json").read_text(encoding="utf-8")
     needed = "physics/outcome.mjs", "physics/setups.mjs", "physics/film.mjs", "live/camera.mjs", "physics/reason.mjs"
-    script = assemble.bundle(*needed) + f"{{{check}const cases = {cases};\n"
-    script += "const some = cases.filter((_, i) => i % 5 === 0); window.tried = some.length;"  # all of them: by node
-    script += "window.faults = some.flatMap((c) => check(c, 100)); }"
-    (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
+    source = f"{assemble.source(*needed)}\n{{{check}\nwindow.check = check; }}"
+    short = script.joined(renaming.renamed(script.tokens(source)))
+    tried = f"{short}{{const cases = {cases};\n"
+    tried += "const some = cases.filter((_, i) => i % 5 === 0); window.tried = some.length;"  # all of them: by node
+    tried += "window.faults = some.flatMap((c) => window.check(c, 100)); }"
+    (tmp_path / "golden.html").write_text(f'<script type="module">{tried}</script>', encoding="utf-8")
     tab.open((tmp_path / "golden.html").as_uri())
     tab.wait("window.faults !== undefined")
     assert tab.run("[window.tried, window.faults]") == [100, []]
