@@ -47,23 +47,49 @@ def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, langu
         assert blank.run("document.documentElement.scrollHeight") <= 1600
 
 
-@pytest.mark.thirds
-@pytest.mark.parametrize("language", assemble.LANGUAGES)
-def test_a_lesson_is_printed_on_two_pages_in_the_words_of_the_page(blank, story, language, tmp_path) -> None:
-    """A sheet with seven tasks for six screens, and a teacher's page with a picture for the board; afterwards the page
-    is as it was. A page that is a file of one's own has no code, for nobody else could open it."""
-    pypdf = pytest.importorskip("pypdf")
+CUT = """
+[...document.querySelectorAll('.pack > div')].flatMap((page) => {
+  const right = page.getBoundingClientRect().right + 1, parts = page.querySelectorAll('p, h1, h2, td, th, svg text');
+  return [...parts].filter((one) => one.getBoundingClientRect().right > right).map((one) => one.textContent);
+})
+"""
+FILLED = "[...document.querySelectorAll('.sheet:nth-child(%d) .blank')].map((one) => one.textContent.trim())"
+
+
+@pytest.mark.parametrize("language", [
+    one if one in ("en", "de") else pytest.param(one, marks=pytest.mark.soak) for one in assemble.LANGUAGES])
+def test_lesson_sheets_fill_three_pages_in_the_words_of_the_page(blank, story, language, tmp_path) -> None:
+    """A sheet for pupils, the same sheet filled in, and a page for the teacher, one page of A4 each.
+
+    Afterwards the page is as it was. A page that is a file of one's own has no code, for nobody else could open it.
+    """
+    pypdf, words = pytest.importorskip("pypdf"), assemble.words(language)
     go(blank, f"{story}#screen=6&lang={language}")
     blank.run("window.print = () => {}")
     click(blank, ".pack-button")
-    (tmp_path / "pack.pdf").write_bytes(b64decode(blank.call("Page.printToPDF")["data"]))
-    assert len(pypdf.PdfReader(tmp_path / "pack.pdf").pages) == 2
-    words, said = assemble.words(language), text(blank, ".pack")
-    assert [words[f"s{n}-title"].replace("\u00a0", " ") in said for n in range(1, 7)] == [True] * 6
-    assert blank.run("document.querySelectorAll('.pack li').length") == 7
+    blank.media("print")
+    blank.size(695, 1040)  # 184 mm
+    assert blank.run(CUT) == []
+    blank.size(1280, 900)
+    blank.media()
+    paper = blank.call("Page.printToPDF", preferCSSPageSize=True)["data"]
+    (tmp_path / "pack.pdf").write_bytes(b64decode(paper))
+    pages = pypdf.PdfReader(tmp_path / "pack.pdf").pages
+    assert [[round(side * 25.4 / 72) for side in page.mediabox[2:]] for page in pages] == [[210, 297]] * 3
+    blanks = blank.run(FILLED % 1)
+    assert blanks == ["\u2060"] * len(blanks)
+    numbers = [one.replace(words["decimal"], ".") for one in blank.run(FILLED % 2)]
+    assert numbers[1:6] == ["3.95", "2.32", "0.67", "82", "12"]
+    assert sorted(numbers[6:13]) == ["2v", "3v", "4", "7", "9", "v", "v"]
+    assert numbers[13:] == ["88", "24", "4.4", "12", "53"]
+    assert blank.run("document.querySelectorAll('.sheet .shaded').length") == 1
+    said = text(blank, ".pack")
+    titles = blank.run("[...document.querySelectorAll('.sheet h2')].map((one) => one.textContent)")
+    own = [*(f"{n} {words[f's{n}-title']}" for n in range(1, 7)), words["pack-exit"]]
+    assert [title.replace("\u00a0", " ") for title in titles] == [one.replace("\u00a0", " ") for one in own] * 2
     assert blank.run("document.querySelectorAll('.pack .board circle').length") == 6
     assert blank.run("document.querySelectorAll('.code').length") == 0
-    assert not re.search(r"pack-|undefined|[{}\[\]_]", said)
+    assert not re.search(r"pack-|undefined|NaN|[{}|\[\]_]", said)
     assert blank.run("document.body.className.includes('packed')") is False
     blank.is_worn = True
 
@@ -107,4 +133,5 @@ def test_paper_has_the_code_of_a_page_that_has_an_address(tmp_path) -> None:
         browser.run("window.print = () => {}")
         click(browser, ".pack-button")
         assert browser.run(coded) == [f"{here}#screen=0&lang=de"]
+        assert browser.run(CUT) == []
         server.shutdown()

@@ -57,7 +57,7 @@ class Page {
     set($(".csv"), { onclick: () => save("contacts.csv", "text/csv", contactsCsv(this.report)) });
     set($(".link-button"), { onclick: () => copyLink($(".link-button"), this.current()) });
     set($(".print-button"), { onclick: () => print() });
-    set($(".pack-button"), { onclick: () => printPack(location.href.split("#")[0] + written({ ...startOf(OPENING), screen: OPENING, at: null, lang: languageNow() })) });
+    set($(".pack-button"), { onclick: () => printPack(location.href.split("#")[0] + written({ ...startOf(OPENING), screen: OPENING, at: null, lang: languageNow() }), this.state.guesses) });
     whenResized(() => this.redraw());
     set($(".times"), { ontoggle: () => this.redraw() }); // charts that were not to be seen have no width
     set(window, { onhashchange: () => this.arrive(), onpopstate: () => this.arrive() });

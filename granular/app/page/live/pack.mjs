@@ -1,20 +1,31 @@
-// A lesson of 45 minutes on paper, in the page's words: a sheet for the six screens, with the code of a `link` to them, and
-// a page for the teacher.
+// A lesson of 45 minutes on paper, in the page's words: a sheet for pupils, the same sheet filled in, and the teacher's page.
 import { $, h, marked } from "../shell/dom.mjs";
+import { digits } from "../shell/format.mjs";
+import { answers } from "./answers.mjs";
 import { board } from "./board.mjs";
 import { code } from "./print.mjs";
+import { p, sheet } from "./sheet.mjs";
 import { plain } from "./words.mjs";
 
-const TASKS = [1, 2, 3, 4, 5, 6, 7];
-const PLAN = [["0–5", "pack-drop"], ["5–10", "s1-title"], ["10–18", "s2-title", "s3-title"], ["18–25", "s4-title"], ["25–35", "s5-title"], ["35–42", "s6-title"], ["42–45", "pack-7"]];
+const MINUTES = [0, 5, 10, 18, 25, 35, 42, 45], GOALS = [1, 2, 3, 4], SAYINGS = [1, 2, 3, 4, 5, 6];
 
-const p = (key) => h("p", {}, ...marked(plain(key)));
+const title = (key) => h("h2", {}, plain(key));
+const row = (first, key) => h("tr", {}, h("td", {}, first), h("td", {}, ...marked(plain(key))));
 
-export function printPack(link) {
-  const plan = PLAN.map(([minutes, ...keys]) => h("tr", {}, h("td", {}, minutes), h("td", {}, ...marked(keys.map((key) => plain(key)).join(" – ")))));
-  const sheet = h("div", {}, ...code(link), h("h1", {}, plain("title")), h("h2", {}, plain("pack-sheet")), h("ol", {}, ...TASKS.map((n) => h("li", {}, p(`pack-${n}`)))));
-  const page = h("div", {}, h("h2", {}, plain("pack-teacher")), p("pack-goals"), h("table", {}, ...plan), p("pack-with"), p("pack-answers"), h("h2", {}, plain("pack-board")), board());
-  $(".pack").replaceChildren(sheet, page);
+function teacher({ steps, soft }) {
+  const heights = [...steps.map((height, i) => [`preset-${["textbook", "masses", "losses"][i]}`, height]), ["soft-spheres", soft]];
+  return h("div", { class: "teacher" },
+    h("h1", {}, plain("pack-teacher")), p("pack-goals"), h("ol", {}, ...GOALS.map((n) => h("li", {}, ...marked(plain(`pack-goal-${n}`))))),
+    title("pack-plan"), h("table", {}, ...MINUTES.slice(1).map((end, i) => row(`${MINUTES[i]}–${end}`, `pack-plan-${i + 1}`))),
+    h("div", { class: "halves" }, h("div", {}, title("pack-material"), p("pack-with")), h("div", {}, title("pack-safety"), p("pack-safe"))),
+    h("table", { class: "sayings" }, h("tr", {}, ...["pack-says", "pack-reveals"].map((key) => h("th", {}, plain(key)))), ...SAYINGS.map((n) => row(plain(`pack-say-${n}`), `pack-reveal-${n}`))),
+    title("pack-board"), board(), h("p", { class: "heights" }, ...heights.map(([key, height]) => h("span", {}, h("b", {}, `${digits(height, 2)} h`), ` ${plain(key)}`))));
+}
+
+// `guesses` of the class stand on the ruler of the answers.
+export function printPack(link, guesses) {
+  const known = answers();
+  $(".pack").replaceChildren(sheet(known, code(link), [], false), sheet(known, [], guesses, true), teacher(known));
   document.body.classList.add("packed");
   addEventListener("afterprint", () => document.body.classList.remove("packed"), { once: true });
   print();
