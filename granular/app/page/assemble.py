@@ -30,6 +30,9 @@ STYLE_SPACE_PATTERN = re.compile(
     r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)", re.MULTILINE
 )
 """Unnecessary spaces of a style sheet."""
+COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Object.keys", "Object.values",
+                    "Array.from", "Number.isFinite", "Number.isNaN")
+"""Functions that get a short name in a bundle. They do not depend on `this`."""
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 BLOCKED_KEY = "blocked"
@@ -108,8 +111,13 @@ def _needed_modules(name: str) -> Iterator[str]:
 
 @cache
 def _bundle_with_short_names(main: str) -> str:
-    """Return the bundle of a module with short names of variables."""
-    return script.joined(renaming.renamed(script.tokens(source(main))))
+    """Return the bundle of a module with short names of variables, and of functions of the language."""
+    text = source(main)
+    used = [name for name in COMMON_FUNCTIONS if name in text]
+    for name in used:
+        text = re.sub(rf"\b{re.escape(name)}\b", name.replace(".", "_"), text)
+    known = ", ".join(f"{name.replace('.', '_')} = {name}" for name in used)
+    return script.joined(renaming.renamed(script.tokens(f"const {known};\n{text}")))
 
 
 def embedded(data: Mapping[str, Any]) -> str:

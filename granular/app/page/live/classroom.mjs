@@ -1,7 +1,7 @@
 // The guesses of a class: typed or pasted on the teacher's screen, one dot each beside the ruler; a pupil's own in its link.
-import { round } from "../physics/numbers.mjs";
+import { min, round } from "../physics/numbers.mjs";
 
-const HIGHEST = 10, AS_LINK = /guess=([\d.]+)/g, AS_NUMBER = /\d+(?:[.,]\d+)?/g; // drop heights
+const HIGHEST = 10, WIDEST = 14, AS_LINK = /guess=([\d.]+)/g, AS_NUMBER = /\d+(?:[.,]\d+)?/g; // drop heights, dots side by side
 
 // In a text with links only what they say counts; else every number in it.
 export function guessesIn(written) {
@@ -9,14 +9,14 @@ export function guessesIn(written) {
   return all.map((one) => Number(one.replace(",", "."))).filter((x) => x >= 0 && x <= HIGHEST);
 }
 
-// A dot each, in rows of half a drop height: [height, place in its row].
+// A dot each, in rows of half a drop height: [height, place in its row]; closer together in a row of many.
 export function dots(guesses) {
-  const rows = new Map();
-  return [...guesses].sort((a, b) => a - b).map((guess) => {
+  const rows = new Map(), placed = [...guesses].sort((a, b) => a - b).map((guess) => {
     const row = round(2 * guess) / 2, place = rows.get(row) ?? 0;
     rows.set(row, place + 1);
     return [row, place];
   });
+  return placed.map(([row, place]) => [row, place * min(1, WIDEST / rows.get(row))]);
 }
 
 export class Classroom {

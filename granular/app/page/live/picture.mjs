@@ -11,6 +11,7 @@ import { Curve } from "./curve.mjs";
 import { Distance } from "./distance.mjs";
 import { FilmClock } from "./filmclock.mjs";
 import { Later } from "./later.mjs";
+import { Measured } from "./measured.mjs";
 import { Panels } from "./panels.mjs";
 import { printsWell } from "./print.mjs";
 import { Spread } from "./real.mjs";
@@ -36,6 +37,7 @@ export class Picture {
     this.charts = new TimeCharts();
     this.distance = new Distance();
     this.curve = new Curve(picked);
+    this.measured = new Measured();
     this.clock = new FilmClock(document, { show: (now) => this.show(now), stops: () => this.stops(), locked: () => predict.covered, paced: (seconds) => this.pace(seconds), ended, say });
     printsWell(this);
   }
@@ -51,7 +53,7 @@ export class Picture {
     const inTime = this.inTime(report, span, samples, watched), panels = this.panels.load(report, SETUPS[name]);
     this.clock.load(this.film);
     this.clock.loops = screen === OPENING;
-    this.later.plan({ ...panels, curve: () => this.curve.load(name, values, this.safe), ...inTime });
+    this.later.plan({ ...panels, curve: () => this.curve.load(name, values, this.safe), measured: () => this.measured.load(screen === LAB ? name : "", values), ...inTime });
     if (!isMove) this.later.flush();
     this.spread.load(name, values, screen < LAB);
   }
@@ -118,7 +120,7 @@ export class Picture {
   }
 
   measure() {
-    Chart.measure([...this.charts.all, this.distance.chart, this.panels.rises, this.curve.chart]);
+    Chart.measure([...this.charts.all, this.distance.chart, this.panels.rises, this.curve.chart, this.measured.chart]);
     this.stage.measure();
   }
 }

@@ -1,0 +1,99 @@
+"""A recording beside the models of a bouncing ball, and the guesses of a class: both stay on the device."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.app.page import assemble
+from tests.app.page.driving import fresh, go, settle, text, turn
+
+GIVEN = """
+(async () => {
+  const files = new DataTransfer(), input = document.querySelector('.measured-file');
+  files.items.add(new File([%r], 'ball.csv'));
+  input.files = files.files;
+  input.dispatchEvent(new Event('change'));
+  await new Promise((done) => setTimeout(done, 60));
+  const note = document.querySelector('.measured-note').textContent.replaceAll('\\u00a0', ' ');
+  return [note, document.querySelectorAll('.measured .body .measured-own').length];
+})()
+"""
+DOTS = """
+[...document.querySelectorAll('.stage .soft .dot')].map((dot) => [dot.cx, dot.cy].map((at) => at.baseVal.value))
+"""
+HEIGHTS = "[...document.querySelectorAll('.measured > svg > circle')].map((ball) => Number(ball.getAttribute('cy')))"
+
+
+def test_the_shipped_recording_is_simulated_by_the_package() -> None:
+    """Heights in mm of a basketball whose restitution depends on speed, with a noise of 3 mm."""
+    ball, steps = gr.balls.BALLS["basketball"], np.arange(76)
+    scene = gr.Scene(mass=[math.inf, ball.mass], radius=[0.0, ball.radius], gap=[1.0], velocity=[0, 0], gravity=9.81)
+    rule = gr.TabulatedRestitution([0.5, 4.5], [0.86, 0.82])
+    run = gr.edmd.simulate(scene, rule, t_end=3.0, samples=steps / 25, engine="sorted")
+    heights = 1e3 * (run.position[:, 1] - ball.radius) + np.random.default_rng(55).normal(0.0, 3.0, len(steps))
+    shipped = re.search('"([\\d ]+)"', assemble.part_text("live/recorded.mjs"))
+    assert shipped is not None
+    assert len(shipped[1]) <= 1000
+    assert shipped[1].split() == [f"{height:.0f}" for height in heights.clip(0.0)]
+
+
+def test_a_recording_is_played_beside_both_models(blank, story) -> None:
+    go(blank, f"{story}#scene=three-balls&lang=en")
+    assert not blank.run("document.querySelector('.measured-box').checkVisibility()")
+    go(blank, f"{story}#scene=bouncing-ball&lang=en")
+    assert text(blank, ".measured-note").startswith("Source: simulated, not measured.")
+    assert blank.run("document.querySelectorAll('.measured .body .measured-own').length") == 76
+    start = blank.run(HEIGHTS)
+    assert max(start) - min(start) < 3.0  # all three are dropped together
+    blank.run("document.querySelector('.measured-play').click()")
+    blank.wait(f"{HEIGHTS}.every((cy, i) => cy > {start}[i] + 40)")
+    assert text(blank, ".measured-play") == "pause"
+    blank.run("document.querySelector('.measured-play').click()")
+    assert text(blank, ".measured-play") == "play"
+    blank.is_worn = True
+
+
+@pytest.mark.parametrize(("written", "said", "points"), [
+    ("0,0;1,0\n0,1;0,95\n0,2;0,8", "Source: ball.csv, 3 points.", 3),
+    ('"t (ms)","y (cm)"\r\n0,100.0\r\n100,95.1\r\n', "Source: ball.csv, 2 points.", 2),
+    ("time\theight\tnote\n0\t1\ta\n0.1\t.95\tb\n\n0.2\t0.8\tc", "Source: ball.csv, 3 points.", 3),
+    ("0 1\n0.2 0.8\n0.1 0.9", "The file needs two columns", 3),
+    ("no numbers", "The file needs two columns", 3),
+], ids=["decimal comma", "units", "tabs and a third column", "times that decrease", "no numbers"])
+def test_own_columns_are_read_with_either_decimal_sign(blank, story, written, said, points) -> None:
+    """Of a file that cannot be read nothing is taken: the recording before it stays."""
+    go(blank, f"{story}#scene=bouncing-ball&lang=en")
+    if points == 3:
+        blank.run(GIVEN % "0;1\n1;0\n2;1")
+    note, drawn = blank.run(GIVEN % written)
+    assert note.startswith(said)
+    assert drawn == points
+    assert float(blank.run("[...document.querySelectorAll('.measured .grid text')].at(-2).textContent")) <= 1.0
+    blank.is_worn = True
+
+
+def test_thirty_links_are_thirty_dots_and_nothing_is_sent_or_stored(own) -> None:
+    """Equal links come from different pupils. Junk and impossible heights are ignored, without a network too."""
+    turn(own, 1)
+    own.call("Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0)
+    own.requests.clear()
+    guesses = [1, 2, 2, 2.5, 9, 0.5, *[4] * 18, 3.26, 7, 7, 8, 1.75, 10]
+    links = [f"https://school.example/page.html#screen=1&guess={guess}&lang=en" for guess in guesses]
+    pasted = " ".join([*links, "https://school.example/", "guess=", "guess=11", "guess=1.2.3", "hello 5"])
+    own.run("document.querySelector('.class-box').open = true; document.querySelector('.class-guesses').focus()")
+    own.call("Input.insertText", text=pasted)
+    settle(own)
+    places = own.run(DOTS)
+    assert len({tuple(place) for place in places}) == len(guesses) == 30
+    width = own.run("document.querySelector('.stage .soft').clientWidth")
+    assert all(width / 2 < x < width for x, _ in places)
+    own.wait("location.hash.includes('guesses=')")
+    assert own.requests == []
+    assert own.run("[localStorage.length, sessionStorage.length, document.cookie]") == [0, 0, ""]
+    own.call("Network.emulateNetworkConditions", offline=False, latency=0, downloadThroughput=-1, uploadThroughput=-1)
+    bundle = assemble.bundle(assemble.LIVE_PARTS[1])
+    ways_out = r"\b(?:localStorage|sessionStorage|indexedDB|cookie|fetch|XMLHttpRequest|sendBeacon|WebSocket|caches)\b"
+    assert re.findall(ways_out, bundle) == []
