@@ -111,7 +111,7 @@ def _needed_modules(name: str) -> Iterator[str]:
 
 @cache
 def _bundle_with_short_names(main: str) -> str:
-    """Return the bundle of a module with short names of variables, and of functions of the language."""
+    """Return the bundle of a module with short names."""
     text = source(main)
     used = [name for name in COMMON_FUNCTIONS if name in text]
     for name in used:

@@ -21,11 +21,11 @@ from string import ascii_letters
 from granular.app.page.script import CLASS, KEYWORDS, Token
 
 SINGLE_LETTERS = 40
-"""Number of names of one letter for the whole script; the others remain for variables."""
+"""Number of one-letter names for the whole script."""
 COLON = 2
 """Number of characters that a shorthand grows by."""
 HIDDEN = frozenset(("print", "history", "location", "performance", "document", "window"))
-"""Names of the browser that the scripts use. Variables of these names are kept."""
+"""Names of the browser. Variables with the same names are kept."""
 
 
 def renamed(parts: Sequence[Token]) -> list[Token]:
@@ -59,7 +59,7 @@ def _statements(parts: Sequence[Token]) -> Iterator[list[Token]]:
 
 
 def _declared(part: Sequence[Token]) -> set[str]:
-    """Return the variables that a statement declares: constants, functions, parameters."""
+    """Return the constants, functions and parameters that a statement declares."""
     names: set[str] = set()
     closing = _partners(part)
     for i, token in enumerate(part):
@@ -78,7 +78,7 @@ def _declared(part: Sequence[Token]) -> set[str]:
 
 
 def _has_body(part: Sequence[Token], start: int, end: int) -> bool:
-    """Whether parentheses contain the parameters of an arrow function, of a method or of `catch`."""
+    """Whether parentheses contain parameters of a function, a method or `catch`."""
     after = part[end + 1].text if end + 1 < len(part) else ""
     before = part[start - 1]
     return after == "=>" or before.text == "catch" or (after == "{" and before.role == "property")
@@ -98,7 +98,7 @@ def _after_keyword(part: Sequence[Token], i: int, closing: dict[int, int]) -> se
 
 
 def _bound(part: Sequence[Token]) -> set[str]:
-    """Return the names in a list of parameters or in a pattern, without default values."""
+    """Return the names in parameters or in a pattern, without default values."""
     return {one.text for before, one, after in zip(part, part[1:], part[2:], strict=False)
             if one.role in ("variable", "shorthand") and before.text in ("(", ",", "{", "[", "...", ":")
             and after.text in (")", ",", "}", "]", "=")}

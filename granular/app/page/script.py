@@ -1,6 +1,6 @@
-"""Tokens of the scripts of the pages: `tokens` reads a script, `joined` writes it with the fewest characters.
+"""Tokens of the scripts of the pages.
 
-The reader covers the JavaScript of this package: statements end with a semicolon or a brace, and a slash after an
+`tokens` reads a script, `joined` writes it with the fewest characters. The reader covers the JavaScript of this package: statements end with a semicolon or a brace, and a slash after an
 operand is a division.
 """
 
@@ -82,7 +82,7 @@ class Token:
 
 
 def tokens(source: str) -> list[Token]:
-    """Return the tokens of a script with the roles of its names, without spaces and comments."""
+    """Return the tokens of a script, with the roles of its names."""
     return list(_with_roles(list(_plain_tokens(source))))
 
 
@@ -201,7 +201,7 @@ def _short(token: Token, before: str, after: str) -> str:
 
 
 def _is_lone(parts: Sequence[Token], i: int) -> bool:
-    """Whether a token is a parenthesis around the single parameter of an arrow function."""
+    """Whether a token is a parenthesis around a single parameter of `=>`."""
     start = i if parts[i].text == "(" else i - 2
     if parts[i].text not in ("(", ")") or parts[i].kind != "sign" or start < 0 or start + 3 >= len(parts):
         return False

@@ -49,8 +49,8 @@ def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, langu
 
 CUT = """
 [...document.querySelectorAll('.pack > div')].flatMap((page) => {
-  const right = page.getBoundingClientRect().right + 1, parts = page.querySelectorAll('p, h1, h2, td, th, svg text');
-  return [...parts].filter((one) => one.getBoundingClientRect().right > right).map((one) => one.textContent);
+  const end = (one) => one.getBoundingClientRect().right, parts = page.querySelectorAll('p, h1, h2, td, th, text');
+  return [...parts].filter((one) => end(one) > end(one.ownerSVGElement ?? page) + 1).map((one) => one.textContent);
 })
 """
 FILLED = "[...document.querySelectorAll('.sheet:nth-child(%d) .blank')].map((one) => one.textContent.trim())"

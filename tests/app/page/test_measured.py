@@ -8,7 +8,7 @@ import pytest
 
 import granular as gr
 from granular.app.page import assemble
-from tests.app.page.driving import fresh, go, settle, text, turn
+from tests.app.page.driving import go, settle, text, turn
 
 GIVEN = """
 (async () => {

@@ -24,7 +24,7 @@ function ruler({ hard, soft }, guesses) {
   return svg("svg", { class: "ruler-sheet", viewBox: "0 0 170 500", role: "img", "aria-label": plain("in-metres") },
     word(EDGE - 20, 12, plain("in-metres")), stroke(`M${EDGE} ${y(9.4)}V${BOTTOM}`, { "stroke-width": 1.5 }),
     ...ticks.map((height) => stroke(`M${EDGE} ${y(height)}h${height % 1 ? 7 : 14}`)), ...ticks.filter((height) => height % 1 === 0).map((height) => word(EDGE - 8, y(height) + 4, height, { "text-anchor": "end", "font-size": 13 })),
-    stroke(`M${EDGE + 14} ${y(1)}H168M${EDGE + 14} ${BOTTOM}H168`, { "stroke-dasharray": "2 3" }), word(EDGE + 42, y(1) - 4, plain("pack-here")), word(EDGE + 42, BOTTOM - 14, plain("ball-tennis-ball")),
+    stroke(`M${EDGE + 14} ${y(1)}H168M${EDGE + 14} ${BOTTOM}H168`, { "stroke-dasharray": "2 3" }), word(168, y(1) - 4, plain("pack-here"), { "text-anchor": "end" }), word(168, BOTTOM - 14, plain("ball-tennis-ball"), { "text-anchor": "end" }),
     svg("circle", { cx: EDGE + 60, cy: floor - R_LOWER, r: R_LOWER, fill: "#ddd", stroke: "#000" }), svg("circle", { cx: EDGE + 60, cy: BOTTOM, r: R_UPPER, fill: "#fff", stroke: "#000" }), stroke(`M${EDGE} ${floor}H168`, { "stroke-width": 2.5 }),
     ...dots(guesses).map(([height, place]) => svg("circle", { cx: EDGE + 22 + 7 * place, cy: y(height), r: 3 })),
     ...marks.flatMap(([engine, height]) => [stroke(`M${EDGE - 4} ${y(height)}h56`, { class: `mark-${engine}`, "stroke-width": 3 }), word(EDGE + 56, y(height) + 4, `${plain(engine)} ${digits(height)}`, { class: "answer" })]));
