@@ -17,6 +17,7 @@ export class Measured {
     Object.assign(this, { chart: new Chart($(".measured"), { height: 225 }), series: RECORDED, source: { say: "measured-source" } });
     this.balls = ["hard", "soft", "own"].map((kind) => svg("circle", { r: BALL, class: `measured-${kind}` }));
     this.chart.svg.append(...this.balls);
+    set(this.chart.svg, { "aria-label": plain("measured") });
     set($(".measured-play"), { onclick: () => this.play() });
     set($(".measured-file"), { onchange: (event) => this.take(event.target.files[0]) });
   }
