@@ -1,6 +1,6 @@
 """Tokens of the scripts of the pages.
 
-`tokens` reads a script, `joined` writes it with the fewest characters. The reader covers the JavaScript of this package:
+`tokens` reads a script, `joined` writes it with the fewest characters. The reader covers the scripts of this package:
 statements end with a semicolon or a brace, and a slash after an operand is a division.
 """
 
