@@ -9,9 +9,10 @@ const TINIEST = 2, SMALL = 10, LARGE = 36, BELOW = 30, TOP = 58; // pixels
 const ROUND = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
 
 export class Camera {
-  // `most`: the greatest height in m; `reach`: how far a ball falls while the longest contact lasts; `size` of specks.
-  constructor({ scene, wide, tall, most, reach, size = 1 }) {
-    const radii = scene.radius, largest = max(...radii), smallest = min(...radii.filter(Boolean)), pile = 2 * sum(radii);
+  // `most`: the greatest height in m; `reach`: how far a ball falls while the longest contact lasts; `size` of specks;
+  // `fullest`: the radius that the top ball can be given.
+  constructor({ scene, wide, tall, most, reach, size = 1, fullest = 0 }) {
+    const radii = scene.radius, largest = max(...radii), smallest = min(...radii.filter(Boolean)), pile = 2 * (sum(radii) + max(0, fullest - radii[radii.length - 1]));
     const room = tall - BELOW - TOP, way = max(reach, 0.5 * sum(scene.gap.slice(1))), share = (0.45 * largest) / way;
     const times = ROUND.findLast((n) => n <= share) ?? 1, near = min(room / (pile + 2.2 * times * way), (0.3 * wide) / largest);
     const unit = min((size * SMALL) / smallest, (size * LARGE) / largest, (0.3 * room) / pile), far = (room - unit * pile) / most, isTrue = far > unit;

@@ -3,6 +3,7 @@ import { $, h, set, text } from "../shell/dom.mjs";
 import { cleaned, enoughFor, SETUPS } from "../physics/setups.mjs";
 import { quantity } from "../shell/format.mjs";
 import { choice, slider } from "./sliders.mjs";
+import { alone } from "./story.mjs";
 import { has, languageNow, plain, say } from "./words.mjs";
 import { abs } from "../physics/numbers.mjs";
 
@@ -28,7 +29,7 @@ export class Controls {
   }
 
   build(name, only, presets) {
-    const specs = SETUPS[name].sliders.filter((spec) => !only || only.includes(spec.name));
+    const specs = only ? SETUPS[name].sliders.filter((spec) => only.includes(spec.name)).map(alone) : SETUPS[name].sliders;
     const made = specs.map((spec) => [spec, (spec.scale === "choice" ? choice : slider)(spec, (value) => this.changed({ [spec.name]: value }))]);
     this.rows = made.map(([, row]) => row);
     const groups = [...new Set(specs.map((spec) => spec.group ?? ""))];

@@ -70,8 +70,9 @@ export class FilmClock extends Clock {
     return this.film.when(time) / this.film.length;
   }
 
-  poise() {
+  // At the touch, or at the start.
+  poise(isFar) {
     this.pause();
-    this.go(this.film.poise);
+    this.go(isFar ? 0 : this.film.poise);
   }
 }

@@ -12,7 +12,7 @@ import { Picture } from "./picture.mjs";
 import { Predict } from "./predict.mjs";
 import { whenResized } from "./resize.mjs";
 import { Spoken } from "./spoken.mjs";
-import { GUESS, LAB, OPENING, screenOf, startOf, Story } from "./story.mjs";
+import { another, GUESS, LAB, OPENING, screenOf, startOf, Story } from "./story.mjs";
 import { Tongue } from "./tongue.mjs";
 import { data, languageNow, say, speak } from "./words.mjs";
 import { abs } from "../physics/numbers.mjs";
@@ -39,7 +39,7 @@ class Page {
     this.classroom = new Classroom((guesses) => this.collect(guesses));
     this.predict = new Predict({ guessed: () => this.guess(), reveal: () => this.reveal(), switched: () => this.clock.pause() || this.run(), uncovered: () => this.redraw() });
     this.picture = new Picture({
-      balls: data.balls, picked: (gap) => this.change({ gap: Number(gap.toPrecision(3)) }), guessed: (guess) => this.predict.take(guess),
+      balls: data.balls, picked: (values) => this.change(values), guessed: (guess) => this.predict.take(guess),
       stopped: () => follow(() => this.current()), ended: () => this.predict.ended(), predict: this.predict,
     });
     this.clock = this.picture.clock;
@@ -51,6 +51,10 @@ class Page {
 
   get isStory() {
     return this.state.screen < LAB;
+  }
+
+  get isFar() {
+    return screenOf(this.state.screen).grips?.[0] === "height";
   }
 
   listen() {
@@ -90,7 +94,7 @@ class Page {
   }
 
   change(values) {
-    this.state.values = cleaned(this.state.name, { ...this.state.values, ...values });
+    this.state.values = cleaned(this.state.name, { ...this.state.values, ...values, ...another(this.state.screen, this.state.values, values) });
     this.state.told = [];
     this.runSoon();
   }
@@ -123,11 +127,11 @@ class Page {
     this.rest();
   }
 
-  // Where the film waits: at the moment of a link; at the touch, seen from near; from far where a guess is asked. The opening
-  // plays by itself, and so does a scene with which the file opens, once.
+  // Where the film waits: at the moment of a link; at the touch, seen from near; from far where a guess or a drop height is set.
+  // The opening plays by itself, and so does a scene with which the file opens, once.
   rest() {
     this.clock.pause();
-    this.clock.go(this.state.at ?? (this.isAsking ? 0 : this.picture.film.poise));
+    this.clock.go(this.state.at ?? (this.isAsking || this.isFar ? 0 : this.picture.film.poise));
     if (this.state.screen === OPENING || (this.state.plays && !this.isAsking)) this.clock.play();
     this.state.plays = false;
   }
@@ -172,7 +176,7 @@ class Page {
   draw(isMove) {
     this.predict.load(this.report, SETUPS[this.state.name], this.isStory);
     this.picture.load(this.report, this.state, isMove);
-    this.controls.markGap(this.picture.safe);
+    this.controls.markGap(this.state.screen > 4 ? this.picture.safe : NaN);
   }
 
   redraw() {
@@ -181,7 +185,7 @@ class Page {
   }
 
   current() {
-    const { share, film } = this.clock, isResting = abs(share - film.poise) < 1e-6 || this.state.screen <= GUESS;
+    const { share, film } = this.clock, isResting = abs(share - (this.isFar ? 0 : film.poise)) < 1e-6 || this.state.screen <= GUESS;
     return { ...this.state, guess: this.predict.guess ?? NaN, at: isResting ? null : share, predict: this.state.screen === LAB && this.predict.on };
   }
 }

@@ -17,26 +17,27 @@ import { printsWell } from "./print.mjs";
 import { Spread } from "./real.mjs";
 import { Sound } from "./sound.mjs";
 import { Stage } from "./stage.mjs";
-import { GUESS, LAB, OPENING, screenOf } from "./story.mjs";
+import { titleOf } from "./sliders.mjs";
+import { alone, GUESS, LAB, OPENING, screenOf } from "./story.mjs";
 import { watchedPair } from "./watched.mjs";
 import { plain, say } from "./words.mjs";
 import { max } from "../physics/numbers.mjs";
 
-const FARTHEST = 0.1, LEISURE = 9; // m that a ball can be held above another by hand; s for the contacts in the laboratory
+const LEISURE = 9, NINE = 9.4, FIRST_TIME = 0.012; // s for the contacts in the laboratory; drop heights that the textbook needs; s: a stiffer ball is drawn as large
 
 export class Picture {
-  // `picked`: a gap; `guessed`: a height; `stopped`: at another time; `ended`: the film; `predict`: what is covered and guessed.
+  // `picked`: other values; `guessed`: a height; `stopped`: at another time; `ended`: the film; `predict`: what is covered and guessed.
   constructor({ balls, picked, guessed, stopped, ended, predict }) {
     Object.assign(this, { stopped, predict, slow: null });
     this.later = new Later();
-    this.stage = new Stage($(".stage"), { taken: (kind, value) => (kind === "gap" ? picked : guessed)(value), poised: () => this.clock.poise() });
+    this.stage = new Stage($(".stage"), { taken: (kind, value) => (kind === "guess" ? guessed(value) : picked({ [kind]: value })), poised: (isFar) => this.clock.poise(isFar) });
     this.because = new Because();
     this.panels = new Panels();
     this.spread = new Spread(balls);
     this.sound = new Sound();
     this.charts = new TimeCharts();
     this.distance = new Distance();
-    this.curve = new Curve(picked);
+    this.curve = new Curve((gap) => picked({ gap: Number(gap.toPrecision(3)) }));
     this.measured = new Measured();
     this.clock = new FilmClock(document, { show: (now) => this.show(now), stops: () => this.stops(), locked: () => predict.covered, paced: (seconds) => this.pace(seconds), ended, say });
     printsWell(this);
@@ -65,16 +66,22 @@ export class Picture {
 
   // What the screen wants to be seen on the stage.
   look() {
-    const { report, predict, state, safe } = this, { scene, finals } = report, { screen, name, values } = state, inLab = screen === LAB, opens = screen === OPENING;
+    const { report, predict, state, safe } = this, { scene, finals } = report, { screen, name } = state, inLab = screen === LAB, opens = screen === OPENING, { engine: only } = screenOf(screen);
     const { kinds } = scene, names = kinds.map((kind, i) => (kind ? plain(`ball-${kind}`) : String(i))), asks = predict.covered;
-    const rises = ["hard", "soft"].filter((engine) => !screenOf(screen).engine || screenOf(screen).engine === engine).flatMap((engine) => finals[engine].map((f) => f.rise)).filter(Number.isFinite);
-    const most = max(scene.drop, 1.05 * max(predict.guess ?? 0, ...(screen === GUESS ? state.guesses : [])) * scene.drop, 1.08 * max(0, ...rises));
-    const grips = (screenOf(screen).grip || (inLab && SETUPS[name].sliders.some((slider) => slider.name === "gap"))) && !asks && scene.gap.length > 1;
-    const handle = asks ? { kind: "guess", value: predict.guess, most: SETUPS[name].most } : grips ? { kind: "gap", value: values.gap, most: FARTHEST, safe } : { kind: "" };
+    const grips = asks ? [] : this.grips(), grip = grips[0]?.name, isHard = only === "hard";
+    const rises = ["hard", "soft"].filter((engine) => (only ?? engine) === engine).flatMap((engine) => finals[engine].map((f) => f.rise)).filter(Number.isFinite);
+    const most = max(scene.drop, 1.05 * max(predict.guess ?? 0, ...(screen === GUESS ? state.guesses : [])) * scene.drop, 1.08 * max(0, ...rises), grip === "height" ? 1.05 * grips[0].max : 0, isHard ? NINE * scene.drop : 0);
+    const handles = asks ? [{ kind: "guess", label: plain("guess-label"), value: predict.guess, most: SETUPS[name].most }] : grips.map((spec) => ({ kind: spec.name, label: titleOf(spec), value: state.values[spec.name], least: spec.zero ? 0 : spec.min, most: spec.max, unit: spec.unit, safe }));
     return {
-      asks, opens, inLab, kinds, names, called: (i) => (kinds[i] ? names[i] : plain("ball", { n: i })), handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, guesses: screen === GUESS ? state.guesses : [], gauge: !predict.on && screen > 3 && !inLab,
-      most: asks ? SETUPS[name].most * scene.drop : opens ? 1.5 * scene.drop : most, reach: reachOf(report), ghost: grips ? safe : 0,
+      asks, opens, inLab, kinds, names, called: (i) => (kinds[i] ? names[i] : plain("ball", { n: i })), handles, fullest: isHard ? scene.radius[1] : 0, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, guesses: screen === GUESS ? state.guesses : [], gauge: !predict.on && screen > 2 && !inLab,
+      most: asks ? SETUPS[name].most * scene.drop : opens ? 1.5 * scene.drop : most, reach: max(reachOf(report), grips[1]?.name === "t1" ? FIRST_TIME * scene.impact : 0), ghost: grip === "gap" && screen > 4 ? safe : 0,
     };
+  }
+
+  // What can be dragged: the mass of the upper ball, if it is none that there is.
+  grips() {
+    const { name, screen } = this.state, { scene } = this.report, asked = screen === LAB ? ["gap"].slice(0, scene.gap.length - 1) : screenOf(screen).grips;
+    return asked.flatMap((one) => SETUPS[name].sliders.filter((spec) => spec.name === one && !(one === "m2" && scene.kinds[2]))).map(alone);
   }
 
   // What is to be drawn later of charts over time, by name, if they are on the screen.

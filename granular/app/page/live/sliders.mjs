@@ -6,8 +6,11 @@ import { round } from "../physics/numbers.mjs";
 
 const STEPS = 1000;
 
+// In words, with the ball it is of where it stands alone.
+export const titleOf = ({ label, of }) => (of ? plain("group-" + of) + ": " : "") + plain(`label-${label}`);
+
 export function slider(spec, changed) {
-  const { name, label, symbol, unit } = spec, whole = spec.scale === "whole";
+  const { name, symbol, unit } = spec, whole = spec.scale === "whole";
   const id = `slider-${name}`, value = h("output", { for: id, "aria-live": "off" });
   const input = h("input", {
     id, type: "range", min: whole ? spec.min : 0, max: whole ? spec.max : STEPS, step: 1, "data-name": name,
@@ -16,7 +19,7 @@ export function slider(spec, changed) {
   forgetsSwipes(input);
   const tick = h("span", { class: "slider-mark", hidden: true }), note = h("span", { class: "slider-note" });
   const track = h("div", { class: "slider-track" }, input, tick, note);
-  const element = h("div", { class: "slider" }, h("label", { for: id }, h("i", {}, ...marked(symbol)), " ", plain(`label-${label}`)), value, track);
+  const element = h("div", { class: "slider" }, h("label", { for: id }, h("i", {}, ...marked(symbol)), " ", titleOf(spec)), value, track);
   const show = (values) => {
     const x = values[name], shown = spec.zero && x === 0 ? plain("touching") : quantity(x, unit);
     if (document.activeElement !== input || fromShare(spec, input.value / STEPS) !== x) input.value = whole ? x : round(toShare(spec, x) * STEPS);

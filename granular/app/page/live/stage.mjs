@@ -18,7 +18,7 @@ export class Stage {
     host.append(...this.hosts);
     this.upright = this.hosts.map((one) => new Upright(one.getAttribute("class"), one));
     this.lying = this.hosts.map((one) => new Lying(one.getAttribute("class"), one));
-    this.handles = this.upright.map((view) => new Handle(view, { taken, poised }));
+    this.handles = [0, 1].map(() => this.upright.map((view) => new Handle(view, { taken, poised })));
   }
 
   load(report, film, look) {
@@ -31,7 +31,8 @@ export class Stage {
     const [times] = this.views.map((view, i) => view.layout(report, film, { ...look, samples: { ...look.samples, depth } }, this.sizes[i]));
     told($(".scale-note"), falls ? "" : "scale-note", { times: [times, "", 2] });
     this.forceMax = largestForce(report.soft);
-    this.handles.forEach((handle, i) => handle.load({ ...look.handle, kind: falls ? look.handle.kind : "", isFirst: i === this.visible() }));
+    this.hosts.forEach((one) => classes(one, { grabs: look.asks && falls }));
+    this.handles.forEach((both, n) => both.forEach((handle, i) => handle.load({ ...((falls && look.handles[n]) || { kind: "" }), isFirst: i === this.visible() })));
   }
 
   // Of the two, the first that is to be seen.
@@ -53,7 +54,7 @@ export class Stage {
     });
     this.views[0].show(frame, flash);
     this.views[1].show(frame, press);
-    if (this.falls) for (const handle of this.handles) handle.show(frame);
+    if (this.falls) for (const handle of this.handles.flat()) handle.show(frame);
   }
 }
 

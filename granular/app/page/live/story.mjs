@@ -9,23 +9,28 @@ export const LAB = 7;
 const CLOSE = 1e-6; // m: all but touching
 const STACK = "basketball+tennis ball", PINGPONG = "basketball+table-tennis ball", NEAR = { gap: 1e-3 };
 const SINGLE = ["basketball", "tennis ball", "table-tennis ball", "golf ball", "superball", "steel ball"];
-const TEXTBOOK = { m1: 2, m2: 1e-3, e1: 1, e2: 1, gap: 1e-3 };
+const TEXTBOOK = { m2: 1e-3, r2: 0.0139, e1: 1, e2: 1, gap: 1e-3 };
 
-// What each screen begins with; `only`: its sliders, `presets`: its buttons, `grip`: whether the upper ball sets the gap.
+// What each screen begins with; `only`: its sliders, `presets`: its buttons, `grips`: what can be dragged.
 const SCREENS = [
   { engine: "soft" },
   { predict: true },
-  { scene: "bouncing-ball", values: {}, presets: () => pick("bouncing-ball", SINGLE) },
-  { values: TEXTBOOK, presets: () => ({ textbook: TEXTBOOK, masses: { e1: 1, e2: 1, gap: 1e-3 }, losses: NEAR }), engine: "hard" },
-  {},
-  { grip: true },
-  { from: PINGPONG, values: { gap: CLOSE }, only: ["rule", "bounces"], presets: () => close(SETUPS["real-balls"].presets), grip: true },
-].map((own) => ({ scene: "real-balls", values: NEAR, only: [], presets: () => ({}), ...own }));
+  { scene: "bouncing-ball", values: {}, grips: ["height"], presets: () => pick("bouncing-ball", SINGLE) },
+  { values: TEXTBOOK, grips: ["gap", "m2"], presets: () => ({ textbook: TEXTBOOK, masses: { e1: 1, e2: 1, gap: 1e-3 }, losses: NEAR }), engine: "hard" },
+  { grips: ["gap", "t1"] },
+  { grips: ["gap"] },
+  { from: PINGPONG, values: { gap: CLOSE }, only: ["gap", "rule", "bounces"], presets: () => close(SETUPS["real-balls"].presets), grips: ["gap"] },
+].map((own) => ({ scene: "real-balls", values: NEAR, grips: [], only: own.grips ?? [], presets: () => ({}), ...own }));
 
 const close = (presets) => Object.fromEntries(Object.entries(presets).map(([name, values]) => [name, { ...values, gap: CLOSE }]));
 const pick = (scene, names) => Object.fromEntries(names.map((name) => [name, SETUPS[scene].presets[name]]));
 
 export const screenOf = (number) => SCREENS[number] ?? {};
+// A setting that stands alone says of which ball it is, and ends where the picture does.
+const ENDS = { t1: { min: 1e-4 }, m2: { max: 0.624 } };
+export const alone = ({ group, ...spec }) => ({ ...spec, ...ENDS[spec.name], of: group });
+// In the story a ball of another mass is another ball, as dense as the lower one.
+export const another = (screen, { m1, r1 }, { m2, r2 }) => (screen < LAB && m2 && !r2 ? { r2: r1 * Math.cbrt(m2 / m1) } : {});
 export const startOf = (number) => {
   const { scene, values, from = STACK } = screenOf(number), { presets } = SETUPS[scene];
   return { name: scene, values: { ...(presets[from] ?? Object.values(presets)[0]), ...values } };

@@ -15,7 +15,7 @@ export class Upright {
   constructor(engine, host) {
     Object.assign(this, { engine, svg: host, lens: new Lens(engine) });
     const part = (name, tag = "g") => (this[name] = svg(tag, { class: name }));
-    this.layers = ["ruler", "ghosts", "shadow", "balls", "base", "tops", "marks", "gauge", "grip", "title", "note"].map((name) => part(name, { shadow: "ellipse", base: "line", title: "text", note: "text" }[name]));
+    this.layers = ["ruler", "ghosts", "shadow", "balls", "base", "tops", "marks", "gauge", "grips", "title", "note"].map((name) => part(name, { shadow: "ellipse", base: "line", title: "text", note: "text" }[name]));
     set(this.title, { x: 10, y: 22, class: "stage-name" });
   }
 
@@ -23,8 +23,8 @@ export class Upright {
   // heights in the laboratory, and in metres in the story.
   layout(report, film, look, [w, tall]) {
     const { scene } = report;
-    Object.assign(this, { scene, film, look, w, tall, per: look.inLab ? scene.drop : 1, top: scene.mass.length - 1, upNow: null, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
-    this.camera = new Camera({ scene, wide: w, tall, most: look.most, reach: look.reach, size: look.opens ? 1.6 : 1 });
+    Object.assign(this, { scene, film, look, w, tall, per: look.inLab ? scene.drop : 1, top: scene.mass.length - 1, isNarrow: w < NARROW, upNow: null, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
+    this.camera = new Camera({ scene, wide: w, tall, most: look.most, reach: look.reach, size: look.opens ? 1.6 : 1, fullest: look.fullest });
     const shape = JSON.stringify([look.kinds, scene.radius, w, tall]);
     if (shape !== this.shape) this.build();
     this.shape = shape;
@@ -49,7 +49,7 @@ export class Upright {
   name(count) {
     const { look, engine } = this;
     text(this.title, look.asks || look.opens ? "" : plain(`${engine}-spheres`));
-    this.each.forEach((ball, i) => ball && text(ball.label, look.names[i]));
+    this.each.forEach((ball, i) => ball && text(ball.label, i === this.top && look.handles[1]?.kind === "m2" ? "" : look.names[i]));
     set(this.svg, { "aria-label": plain("stage-said", { engine: { say: `${engine}-spheres` }, n: count }) });
   }
 
@@ -59,7 +59,7 @@ export class Upright {
     this.ruler.innerHTML = ticks([0, camera.most / per], 5).map((v) => {
       const y = camera.down(rest + v * per * scale);
       return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v * per === scene.drop ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: min(y + 4, camera.down(5)), "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
-    }).join("") + [plain(this.look.inLab ? "in-drops" : "in-metres"), plain("zero-is", { ball: this.look.called(top) })].map((words, i) => markup("text", { x: w - 10, y: (w < NARROW ? 38 : 20) + 15 * i, "text-anchor": "end", class: "ruler-tick" }, words)).join("");
+    }).join("") + [plain(this.look.inLab ? "in-drops" : "in-metres"), plain("zero-is", { ball: this.look.called(top) })].map((words, i) => markup("text", { x: w - 10, y: (this.isNarrow ? 38 : 20) + 15 * i, "text-anchor": "end", class: "ruler-tick" }, words)).join("");
   }
 
   // How high the top ball will fly, beside the contact that decides it.
@@ -93,15 +93,15 @@ export class Upright {
     set(element, { transform: `translate(${this.x.toFixed(1)} ${this.camera.down(low + r).toFixed(2)})` });
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
     set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
-    const isInside = r > 44;
-    set(label, { visibility: this.w < NARROW && !isInside ? "hidden" : "visible" });
-    set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
+    const isInside = r > 44, isAside = this.look.handles[1]?.kind === "t1" && this.engine === "soft"; // room for a spring
+    set(label, { visibility: this.isNarrow && !isInside ? "hidden" : "visible" });
+    set(label, isInside ? { x: 0, y: isAside ? -0.68 * r : 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), y: 0, "text-anchor": "start" });
   }
 
   // From where a ball stands, dotted, to its highest point, with the number: between the ruler and the balls, or where there is
   // no room beyond them.
   drawTops(balls, { time, zoom }) {
-    const { film, engine, camera, look, per } = this, widest = max(...balls.map((one) => one.r)), side = this.w < NARROW ? 1 : -1;
+    const { film, engine, camera, look, per } = this, widest = max(...balls.map((one) => one.r)), side = this.isNarrow ? 1 : -1;
     const step = min(30, (side > 0 ? this.w - this.x - widest - 34 : this.x - LEFT - 24) / this.top);
     const up = balls.map((_, i) => i > 0 && zoom < 0.3 && !look.asks && film.isUp(engine, i, time)), key = up.join();
     if (key === this.upNow && zoom > 0 === this.wasNear) return;
