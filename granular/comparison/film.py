@@ -1,10 +1,11 @@
 """Films of a comparison: both engines side by side.
 
 A film has two pages. The page `flight_page` shows fall and flight in real time next to a ruler, the page `contact_page`
-shows the contacts in slow motion. On the page `contact_page` the sizes of balls are square roots of their radii.
-Paths and overlaps are enlarged by a common factor that makes them visible. Every flying ball stops at its own apex,
-which is marked with its height. The height of the top ball is `Comparison.rises`. The teaching page shows the same
-sequence, see granular/app/page/live/film.mjs.
+shows the contacts in slow motion. Stages have the same places on both, and balls stand on each other. On the page
+`contact_page` the sizes of balls are square roots of their radii, and balls are flattened in contact. Paths and
+overlaps are enlarged by a common factor that makes them visible. Every flying ball stops at its own apex, which is
+marked with its height. The height of the top ball is `Comparison.rises`. The teaching page shows the same sequence, see
+granular/app/page/physics/film.mjs.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from granular._engine.reports import GREY_COLOUR
 from granular.comparison.figure import MAX_FORCE_CURVES, draw_contacts, draw_runs, force_curve, repeat_both_runs
 from granular.comparison.further import Continuation, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
-from granular.run.figures import LINE_COLOURS, MAX_LABELS
+from granular.run.figures import INK_COLOUR, LINE_COLOURS, MAX_LABELS
 from granular.run.films import FONT_FAMILY, Page, blank_page, check, drawn_radii, film_speed, prepare_page, write_film
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
+from granular.scene import Scene
 
 if TYPE_CHECKING:
     from granular.comparison.answer import ComparisonWithAnswer
@@ -33,8 +35,11 @@ STOP_SECONDS, END_SECONDS = 0.9, 1.2  # duration in s of the stop at the floor, 
 # shortest flight, and longest shown part of flight and fall, in s
 MIN_FLIGHT_TIME, MAX_SHOWN_SECONDS = 0.2, 6.0
 MIN_SLOWDOWN = 10.0  # contacts that are slowed down less have no act of their own
-ACT_CAPTIONS = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, {}",
-        "end": "the highest point of each ball"}
+ACT_CAPTIONS = {"fall": "falling, as fast as life", "stop": "time stands still: the floor is reached",
+        "flight": "flying, {}", "end": "the highest point of each ball"}
+PANEL_WIDTH, CHART_WIDTH = 3.2, 4.0  # width of the panels relative to a stage: stages keep their places on both pages
+BALL_POINTS, STACK_POINTS, STAGE_POINTS = 18.0, 24.0, 290.0
+"""Largest diameter of a ball, largest height of the balls below the top ball, and height of a stage, in points."""
 PANEL_HEIGHTS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # relative heights of the panels
 
 
@@ -139,9 +144,10 @@ def flight_page(story: Story) -> Page:
     time = np.concatenate(list(shown.values()))
     drawn = np.union1d(np.linspace(time[0], time[-1], 1200), time)
     heights = {name: story.heights(name, drawn) for name in LINE_COLOURS}
-    page, top = story.page({"heights": 1.0}, 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
+    page = story.page({"heights": 1.0}, CHART_WIDTH)
+    top = 1.15 * max(float(np.nanmax(path)) for path in heights.values())
     for name in page.axes.keys() - {"time"}:
-        page.axes[name].set_ylim(0.0, top)
+        page.axes[name].set_ylim(-top * (float(stack_points(report.scene)[1][-1]) + 4.0) / STAGE_POINTS, top)
         page.axes[name].axhline(
             report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY_COLOUR, lw=0.8, ls=":"
         )
@@ -152,7 +158,8 @@ def flight_page(story: Story) -> Page:
             page.axes["heights"].plot(drawn, in_flight, color=LINE_COLOURS[name],
                                       ls={"hard": "--"}.get(name, "-"), lw=1.1)
     page.panels[0].set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time (s)" * story.charts)
-    page.axes["hard"].set_ylabel("height without radii (m); dotted: dropped from here")
+    page.axes["soft"].tick_params(labelleft=False)
+    page.axes["hard"].set_ylabel(f"height (m); 0: ball {np.flatnonzero(~report.scene.is_wall)[-1]} at rest")
     speed = film_speed(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
     page.tell(page.panels, time, [ACT_CAPTIONS[act].format(speed) for act, times in shown.items() for _ in times])
     return page
@@ -175,25 +182,30 @@ def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array)
     from matplotlib import markers, transforms
 
     scene, axis, colour = story.view.report.scene, page.axes[name], LINE_COLOURS[name]
-    balls = np.flatnonzero(~scene.is_wall)
-    size = 18.0 * min(1.0, 6.0 / len(balls)) * drawn_radii(scene)  # in points
+    balls, (size, stacked) = np.flatnonzero(~scene.is_wall), stack_points(scene)
     standing = markers.MarkerStyle("o", transform=transforms.Affine2D().translate(0.0, 0.5))
-    axis.set(xlim=(-0.5, len(balls) - 0.5), xticks=[])
-    for place, body in enumerate(balls.tolist()):
+    axis.set(xlim=(-1.0, 1.0), xticks=[])
+
+    def raised(height: float) -> Any:
+        return transforms.offset_copy(axis.transData, page.figure, 0.0, height, "points")
+
+    axis.plot([-0.9, 0.9], [0.0, 0.0], color=INK_COLOUR, lw=2, transform=raised(-stacked[-1]), gid="floor")
+    for body, diameter, offset in zip(balls.tolist(), size, stacked - stacked[-1], strict=True):
         when, top = story.tops[name][body]
-        mark_height = np.where(time >= when, top, -axis.get_ylim()[1])
+        mark_height = np.where(time >= when, top, -2.0 * axis.get_ylim()[1])
         drawn = [
-            *axis.plot([place], [0.0], marker=standing, ms=size[body], mfc=f"{colour}30", mec=colour, gid="ball"),
-            *axis.plot([place - 0.4, place + 0.4], [0.0, 0.0], color=colour, lw=1.4),
+            *axis.plot([0.0], [0.0], marker=standing, ms=diameter, mfc=f"{colour}30", mec=colour, gid="ball",
+                       transform=raised(offset)),
+            *axis.plot([-0.4, 0.4], [0.0, 0.0], color=colour, lw=1.4, transform=raised(offset)),
             axis.text(
-                place,
+                0.45,
                 0.0,
                 number(top, 3) * (len(balls) <= MAX_FORCE_CURVES or body == balls[-1]),
                 color=colour,
                 fontsize=9,
                 family=FONT_FAMILY,
-                transform=transforms.offset_copy(axis.transData, page.figure, 0.0, size[body] + 3.0, "points"),
-                ha="center",
+                transform=raised(offset),
+                ha="left",
                 va="bottom",
                 clip_on=True,
                 gid=f"apex {body}",
@@ -203,6 +215,17 @@ def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array)
                         for artist, path in zip(drawn, (heights[:, body], mark_height, mark_height), strict=True)]
 
 
+def stack_points(scene: Scene) -> tuple[Array, Array]:
+    """Diameter of each ball, and height of the balls below it, in points.
+
+    Balls stand on each other, as on the teaching page, and the ruler shows the heights of the top ball.
+    """
+    size = BALL_POINTS * drawn_radii(scene)[~scene.is_wall]
+    stacked = np.cumsum(size) - size
+    scale = min(1.0, STACK_POINTS / max(float(stacked[-1]), 1e-9))
+    return scale * size, scale * stacked
+
+
 def contact_page(story: Story) -> Page:
     """Return the page of the contacts: balls, contacts, forces, paths, enlarged view."""
     view, time = story.view, story.acts["slow"]
@@ -210,7 +233,10 @@ def contact_page(story: Story) -> Page:
     if detail is not None and (detail.view is not view or len(detail.touches) < 2):
         detail = None  # a short part of a long film, or a single contact
     runs = repeat_both_runs(report, np.unique(np.concatenate([time, view.moments, detail.moments if detail else []])))
-    page = story.page(dict(list(PANEL_HEIGHTS.items())[: 4 if detail else 3]), 3.2)
+    page = story.page(dict(list(PANEL_HEIGHTS.items())[: 4 if detail else 3]), PANEL_WIDTH)
+    if len(story.acts) > 1 and story.charts:
+        left, low, wide, tall = page.figure.get_layout_engine().get()["rect"]
+        page.figure.get_layout_engine().set(rect=(left + 0.04, low, wide - 0.04, tall))  # the ruler of `flight_page`
     if story.charts:
         draw_charts(page.panels, view, detail, runs)
     prepare_page(page, report.scene, {

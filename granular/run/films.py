@@ -40,6 +40,7 @@ FILM_STYLE = {
 }
 PAGE_SIZE, BARE_PAGE_SIZE = (9.6, 5.4), (6.4, 4.8)  # inches, with and without charts
 BALL_RADIUS, MIN_RADIUS_RATIO = 0.14, 0.16  # largest radius per length of the stage; smallest radius relative to it
+MAX_BULGE = 1.1  # a flattened ball is at most this much wider: it stays on its stage
 
 
 def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> None:
@@ -85,8 +86,9 @@ class Page:
         Stages and panels by name.
     panels : list
         The axes with a time axis.
-    moving : list of (artist, (count, 2) array)
-        Artists that move, each with its displacement in every frame, in the coordinates in which it is drawn.
+    moving : list of (artist, (count, 2 or 4) array)
+        Artists that move, each with its displacement in every frame, in the coordinates in which it is drawn. Columns
+        three and four are factors of width and height.
     """
 
     figure: Any
@@ -129,7 +131,8 @@ class Page:
         self.canvas.restore_region(self.background)
         self.moving[-1][0].set_text(self.titles[k])
         for (artist, path), place in zip(self.moving, self.places, strict=True):
-            artist.set_transform(transforms.Affine2D().translate(*path[k]) + place)
+            artist.set_transform(transforms.Affine2D().scale(*path[k, 2:]).translate(*path[k, :2]) + place
+                                 if path.shape[1] == 4 else transforms.Affine2D().translate(*path[k]) + place)
             artist.axes.draw_artist(artist)
         return self.canvas.buffer_rgba()
 
@@ -193,23 +196,27 @@ def prepare_page(page: Page, scene: Scene, of: dict[str, Array], span: Span, tim
 def frame_titles(span: Span, time: Array, fps: int) -> list[str]:
     """Return the title of each frame: the speed of the film and the time of the frame."""
     speed, clock_origin = film_speed(len(time) / fps / (span.end - span.begin)), "t₁ + " if span.zero else ""
-    return [f"{speed},  t = {clock_origin}{duration(t - span.zero)}" for t in time]
+    return [f"{speed},  t = {clock_origin}{duration(t - span.zero)}" if t >= span.zero else
+            f"{speed},  t = {clock_origin.replace('+', '−')}{duration(span.zero - t)}" for t in time]
 
 
 def film_speed(slower: float) -> str:
-    """Return the speed of a film as a phrase, such as "20 × slower".
+    """Return the speed of a film as a phrase of the teaching page, such as "slowed 20 ×".
 
     `slower` is the ratio of the duration of the film to the time that it shows.
     """
-    factor, way = max((slower, "slower"), (1.0 / slower, "faster"))
-    return f"{float(f'{factor:.2g}'):,g} × {way}".replace(",", " ") if factor > 1.05 else "as fast as life"
+    factor = f"{float(f'{max(slower, 1.0 / slower):.2g}'):,g} ×".replace(",", " ")
+    if max(slower, 1.0 / slower) <= 1.05:
+        return "as fast as life"
+    return f"slowed {factor}" if slower > 1.0 else f"{factor} faster than life"
 
 
 def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
     """Draw the balls on the stage of each engine, and store their paths on the page.
 
     `of` contains positions in m with radii subtracted for each engine, shape (count, n). The scale is chosen so that
-    the motion of the first engine fits on its stage. Balls of other engines can leave their stage.
+    the motion of the first engine fits on its stage. Balls of other engines can leave their stage. Overlapping balls
+    are drawn flattened.
     """
     from matplotlib.patches import Circle
 
@@ -228,16 +235,45 @@ def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
     offset = 0.0 if upright else 0.5 * (available - (high - low) * scale)
     for name, places in of.items():
         axis, colour = page.axes[name], LINE_COLOURS[name]
-        axis.set(**dict(zip(("xlim", "ylim")[::step], ((-0.16, 0.16), (-0.03, length)), strict=True)), aspect="equal")
+        axis.set(**dict(zip(("xlim", "ylim")[::step], ((-0.16, 0.16), (-0.03, length)), strict=True)), aspect="equal",
+                 anchor="S" if upright else "C")
         axis.set_axis_off()
-        along = offset + np.cumsum(2.0 * radius) - radius + (places - low) * scale
+        shift, squeeze = flattened(places * scale, radius, scene.is_wall)
+        along = offset + np.cumsum(2.0 * radius) - radius + (places - low) * scale + shift
         for body, (wall, r, place) in enumerate(zip(scene.is_wall, radius, along.T, strict=True)):
             drawn = axis.plot(*([-BALL_RADIUS, BALL_RADIUS], [0.0, 0.0])[::step], color=INK_COLOUR, lw=2) if wall else [
                 axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4)),
                 axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, family=FONT_FAMILY,
                           ha="center", va="center", clip_on=True),
             ]
-            page.moving += [(artist, np.stack([0.0 * place, place][::step], 1)) for artist in drawn]
+            path = np.stack([0.0 * place, place][::step], 1)
+            factors = np.stack([np.minimum(MAX_BULGE, 1.0 / squeeze[:, body]), squeeze[:, body]][::step], 1)
+            page.moving += [(artist, np.hstack([path, factors]) if isinstance(artist, Circle) else path)
+                            for artist in drawn]
+
+
+def flattened(places: Array, radius: Array, is_wall: Any) -> tuple[Array, Array]:
+    """Return the shift of each body's centre and the factor of its length due to overlaps, each (count, n).
+
+    An overlap is divided between two balls in inverse proportion to their radii, as on the teaching page. A ball takes
+    the whole overlap with a wall. The factor is at least 0.4.
+
+    Parameters
+    ----------
+    places : (count, n) array
+        Positions with radii subtracted, in the unit of the radii.
+    radius : (n,) array
+        Radii as drawn, 0 for walls.
+    is_wall : (n,) array of bool
+        Which bodies are walls.
+    """
+    overlap, both = np.maximum(0.0, -np.diff(places, axis=1)), radius[1:] + radius[:-1]
+    share = np.where(is_wall[:-1], 1.0, np.where(is_wall[1:], 0.0, radius[:-1] / np.where(both > 0.0, both, 1.0)))
+    below, above = np.zeros_like(places), np.zeros_like(places)
+    below[:, 1:], above[:, :-1] = overlap * share, overlap * (1.0 - share)
+    balls = np.where(is_wall, 0.0, 1.0)
+    lost = balls * (below + above) / np.where(radius > 0.0, 2.0 * radius, 1.0)
+    return balls * 0.5 * (below - above), np.maximum(0.4, 1.0 - lost)
 
 
 def drawn_radii(scene: Scene) -> Array:

@@ -6,7 +6,8 @@ import granular as gr
 from tests.app.page.driving import last_picture, settle, slide, text, turn
 
 KNOB = """
-(() => { const grip = document.querySelector('.%s .grip-%s'), b = grip.querySelector('.grip-disc').getBoundingClientRect();
+(() => { const grip = document.querySelector('.%s .grip-%s');
+  const b = grip.querySelector('.grip-disc').getBoundingClientRect();
   return [b.x + b.width / 2, b.y + b.height / 2, Math.min(b.width, b.height)]; })()
 """
 VALUE = "document.querySelector('.%s .grip-%s').getAttribute('aria-%s')"
