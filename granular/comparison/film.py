@@ -39,7 +39,7 @@ ACT_CAPTIONS = {"fall": "falling, as fast as life", "stop": "time stands still: 
         "flight": "flying, {}", "end": "the highest point of each ball"}
 PANEL_WIDTH, CHART_WIDTH = 3.2, 4.0  # width of the panels relative to a stage: stages keep their places on both pages
 BALL_POINTS, STACK_POINTS, STAGE_POINTS = 18.0, 24.0, 290.0
-"""Largest diameter of a ball, largest height of the balls below the top ball, and height of a stage, in points."""
+"""Largest height of a ball, of the balls below the top one, of a stage, in points."""
 PANEL_HEIGHTS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # relative heights of the panels
 
 

@@ -201,7 +201,7 @@ def frame_titles(span: Span, time: Array, fps: int) -> list[str]:
 
 
 def film_speed(slower: float) -> str:
-    """Return the speed of a film as a phrase of the teaching page, such as "slowed 20 ×".
+    """Return the speed of a film as a phrase, such as "slowed 20 ×".
 
     `slower` is the ratio of the duration of the film to the time that it shows.
     """
@@ -253,10 +253,10 @@ def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
 
 
 def flattened(places: Array, radius: Array, is_wall: Any) -> tuple[Array, Array]:
-    """Return the shift of each body's centre and the factor of its length due to overlaps, each (count, n).
+    """Return shifts of centres and factors of lengths due to overlaps.
 
-    An overlap is divided between two balls in inverse proportion to their radii, as on the teaching page. A ball takes
-    the whole overlap with a wall. The factor is at least 0.4.
+    Both have the shape (count, n). An overlap is divided between two balls in inverse proportion to their radii, as on
+    the teaching page. A ball takes the whole overlap with a wall. The factor is at least 0.4.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ export class Lying {
   }
 
   layout(report, film, { samples: { low, high, depth }, watched }, [w, tall]) {
-    const { radius } = report.scene, unit = min(36, 0.25 * w, (0.3 * (w - 2 * lensSize(w, tall) - 28)) / radius.length) / max(...radius);
+    const { radius } = report.scene, unit = min(36, 0.25 * w, 0.6 * tall - 39, (0.3 * (w - 2 * lensSize(w, tall) - 28)) / radius.length) / max(...radius);
     Object.assign(this, { film, low, w, tall, watched, radii: radius.map((r) => r * unit) });
     const length = w - (watched ? 2 * lensSize(w, tall) + 28 : 0), room = length - 2 * sum(this.radii) - 24;
     const sinks = max(...depth.map((d, c) => d / (0.6 * min(this.radii[c], this.radii[c + 1]))));

@@ -121,6 +121,7 @@ class Page {
     if (location.hash === written(this.current())) return;
     const lang = languageIn(location.hash, document.body.dataset.start);
     if (lang) speak(lang);
+    this.told = ""; // what has a name of its own on a screen, too
     this.state = read(location.hash, document.body.dataset.start);
     this.predict.set(this.isAsking);
     this.run();
