@@ -1,8 +1,7 @@
 """Checks of arguments. Most functions return the checked value, or raise an error.
 
 Every message has the form "`name` must be N, got V.", followed by one sentence with the usual fix if it helps. `name`
-is the name of the argument in messages, `fix` the sentence. `import_optional` imports packages that only some tasks
-need.
+is the name of the argument in messages, `fix` the sentence. `import_optional` imports optional packages.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ def number(
             raise TypeError
         x = float(value)
     except OverflowError:
-        x = math.inf if value > 0 else -math.inf  # a whole number that no float can hold
+        x = math.inf if value > 0 else -math.inf  # an integer too large for a float
     except (TypeError, ValueError):
         raise TypeError(misuse(name, value, "a single number", fix)) from None
     if not (above < x and at_least <= x <= at_most) or (finite and math.isinf(x)):
@@ -327,7 +326,7 @@ def function_of(name: str, function: Any, *given: str, fix: str = "") -> Any:
 
     try:
         signature = inspect.signature(function)
-    except (TypeError, ValueError):  # some builtins have none
+    except (TypeError, ValueError):  # some builtins have no signature
         return function
     names = list(signature.parameters)
     try:
@@ -464,9 +463,9 @@ def quoted(name: str) -> str:
 
 
 def import_optional(module: str, by: str) -> Any:
-    """Import and return a module of a package that is not always installed.
+    """Import and return a module of an optional package.
 
-    `ImportError` with the command for the installation is raised without the package.
+    Without the package, `ImportError` with the command for its installation is raised.
 
     Parameters
     ----------

@@ -44,8 +44,8 @@ class ByReference:
 def by_reference(fields: Any, room: Any) -> Any:
     """Return the named tuple `fields` in the form in which kernels receive it.
 
-    Interpreted, it is the tuple itself. Compiled, it is a pointer to the table `room`, which contains the addresses of
-    the arrays.
+    For interpreted kernels this is the tuple itself. For compiled kernels it is a pointer to the table `room`, which
+    contains the addresses of the arrays.
     """
     return fields
 

@@ -50,8 +50,8 @@ def plain_text(text: str, most: int = MAX_SHOWN_CHARACTERS) -> str:
 def write(path: str | os.PathLike[str], fill: Callable[[str], object]) -> None:
     """Write a file completely or not at all.
 
-    `fill` writes a draft to the path that it receives. The draft is then moved to `path`. It lies in the same folder
-    and gets the mode of the file that it replaces. If `path` is a link, the file to which it leads is replaced. For
+    `fill` receives the path of a draft in the same folder and writes it. The draft is then moved to `path`, and gets
+    the mode of the file that it replaces. If `path` is a link, the file to which it leads is replaced. For
     devices, pipes and open files (``/dev/stdout``, ``/dev/fd/3``) the draft is copied instead.
 
     Raises
@@ -117,7 +117,7 @@ def is_stream(path: str | os.PathLike[str]) -> bool:
     if os.path.exists(path) and not os.path.isfile(path):
         return True
     name = os.path.abspath(os.fspath(path))
-    for _ in range(40):  # as many links as the system follows; realpath at once would lose that one is in /proc
+    for _ in range(40):  # limit of the system on links; realpath would not show that a link leads through /proc
         folder = os.path.realpath(os.path.dirname(name))
         name = os.path.join(folder, os.path.basename(name))
         if folder.startswith("/proc/") or not os.path.islink(name):
@@ -139,7 +139,7 @@ def _replace_file(target: str, fill: Callable[[str], object]) -> None:
             os.chmod(draft, stat.S_IMODE(os.stat(target).st_mode))
         os.replace(draft, target)
     except BaseException:
-        with suppress(FileNotFoundError):  # not made yet, or in its place already
+        with suppress(FileNotFoundError):  # not created yet, or already moved to its place
             os.unlink(draft)
         raise
 
@@ -199,7 +199,7 @@ def write_figure(path: str | os.PathLike[str] | None, figure: Any, dpi: int) -> 
     Raises
     ------
     OSError, ValueError
-        If the file cannot be written, or if matplotlib does not know its suffix.
+        If the file cannot be written, or if matplotlib does not support its suffix.
     """
     if path is None:
         return figure
@@ -233,9 +233,7 @@ def check_suffix(path: str | os.PathLike[str], needed: str, name_of_argument: st
 
 
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
-    """Raise an exception for a file of a later format, or with unknown contents.
-
-    The exception is a `LaterVersionError`.
+    """Raise `LaterVersionError` for a later file format, or for unknown contents.
 
     `number` is the format of the file, `unknown` the names of contents that this version cannot read.
     """
@@ -246,7 +244,7 @@ def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[st
         fix = "Read it with a later version of granular." if is_later else "The file is damaged or was edited."
         raise LaterVersionError(f"The format of {name} must be an integer from 1 to {FILE_FORMAT}, got {shown}. {fix}")
     if unknown_names := plain_text(", ".join(sorted(unknown))):
-        raise LaterVersionError(f"The file {name!r} contains {unknown_names}, which this version does not know. Read "
+        raise LaterVersionError(f"The file {name!r} contains {unknown_names}, which this version cannot read. Read "
                                 "it with a later version of granular.")
 
 

@@ -1,9 +1,9 @@
 """Free flight of one gap without contact: time to contact, gap and rate.
 
-The acceleration of the gap is -a, where a (m/s²) is `Scene.closing_acceleration`: g above a floor, 0 between two
-balls, -g below a ceiling. Between two pendula it is Ω² (d - gap), where d is the gap at rest. The functions
-for pendula have names with hung. `rate` is the rate of change of the gap in m/s, negative while it closes. All formulas
-avoid the cancellation of digits.
+The acceleration of the gap is -a, where a (m/s²) is `Scene.closing_acceleration`: g above a floor, 0 between two balls,
+-g below a ceiling. Between two pendula it is Ω² (d - gap), where d is the gap at rest. Functions whose names contain
+``hung`` are for pendula. `rate` is the rate of change of the gap in m/s, negative while it closes. All formulas avoid
+the cancellation of digits.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from granular._engine.kernels import kernel
 
 @kernel
 def time_to_contact(gap: float, rate: float, a: float) -> float:
-    """Return the time in s until a non-negative `gap` closes, or inf if never.
+    """Return the time in s until a non-negative `gap` closes, or inf.
 
     With s = √(rate² + 2·a·gap) it is 2·gap/(s - rate) if the gap closes, and (rate + s)/a if it opens. (The textbook
     root (rate + s)/a for both cases would lose half of its digits after every bounce.)
@@ -47,7 +47,7 @@ def gap_after(gap: float, rate: float, a: float, dt: float) -> float:
 def rate_at_contact(gap: float, rate: float, a: float) -> float:
     """Return the rate of the gap in m/s, not positive, when it closes.
 
-    It is computed from the present gap and rate, not from the rounded time of contact. If the time of a very low bounce
+    It is computed from the current gap and rate, not from the rounded time of contact. If the time of a very low bounce
     rounds to the current time, a rate at this time would be positive.
     """
     if a == 0.0:
@@ -96,7 +96,7 @@ def hung_after(gap: float, rate: float, omega: float, d: float, dt: float) -> tu
 def hung_rate_at_contact(gap: float, rate: float, omega: float, d: float) -> float:
     """Return the rate of a gap between pendula in m/s, not positive, when it closes.
 
-    It is computed from the present gap and rate, not from the rounded time of contact.
+    It is computed from the current gap and rate, not from the rounded time of contact.
     """
     square = rate * rate - omega * omega * (2.0 * d - gap) * gap
     return -math.sqrt(square) if square > 0.0 else 0.0

@@ -89,7 +89,7 @@ def caching_context(context: Any) -> Any:
             """Return the signature of a call.
 
             A kernel has the signature of its version compiled for the exact argument types. For other functions the
-            answer of numba is cached, unless there are keyword arguments.
+            result of numba is cached, unless there are keyword arguments.
             """
             if isinstance(function, types.Dispatcher):
                 argument_types = tuple(map(types.unliteral, args))  # type: ignore[attr-defined]

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import Any
 
 NAME = "granular-collisions"
-"""Name for pip. Another package of the index has the import name `granular`."""
+"""Name for pip. Another package on PyPI has the import name `granular`."""
 VERSION = "0.3.0"
 """Version, read by the build. `tests/docs/test_citation.py` compares all copies."""
 CROSS_ROOM_LOADERS: dict[str, Callable[[], Any]] = {}

@@ -136,15 +136,15 @@ def axis_label(text: str, units: str) -> str:
 
 
 def abridged_rows(rows: Rows, most: int = 12) -> Rows:
-    """Return the rows of a table, or the first and last rows if it has over `most`."""
+    """Return the rows of a table, only the first and last ones above `most` rows."""
     half = most // 2
     return rows if len(rows) <= most else [*rows[:half], ["…"] * len(rows[0]), *rows[-half:]]
 
 
 def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
-    """Return HTML for a notebook in its own colours.
+    """Return HTML for a notebook, in the colours of the notebook.
 
-    It consists of the line `head`, a table of `rows`, the text `more` that can be opened, and the HTML of a figure.
+    It consists of the line `head`, a table of `rows`, the collapsible text `more`, and the HTML of a figure.
     """
     from html import escape
 

@@ -175,8 +175,8 @@ def _bernstein(s: Row, b: Row, n: int) -> None:
 def _halve(b: Row, half: Row, n: int) -> None:
     """Split an interval into halves by de Casteljau's scheme.
 
-    `b` has the Bernstein coefficients and then the width of the interval. Afterwards `half` has those of the left half,
-    and `b` those of the right half.
+    `b` has the Bernstein coefficients and then the width of the interval. Afterwards `half` has the coefficients of
+    the left half, and `b` the coefficients of the right half.
     """
     for k in range(n + 1):
         half[k] = b[0]

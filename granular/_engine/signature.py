@@ -11,7 +11,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def face(target: Function) -> Function:
-    """Decorate a public function or class to name the parameter in errors of calls.
+    """Decorate a public function or class so that call errors name the parameter.
 
     A call that does not fit the signature raises `TypeError` with the wrong or missing parameter, and with the most
     similar parameter, if any. Exceptions raised inside the function are unchanged. A class is changed in place: its

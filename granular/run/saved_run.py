@@ -252,7 +252,7 @@ def _check_heads(heads: Mapping[str, files.ArrayHeader], log: np.dtype[Any]) -> 
         elif name in HARD_LOG_COLUMNS:
             is_valid = dtype == kinds[name] and shape == heads["contacts.pair"][1][:1] + (2,) * ("v_" in name)
         else:
-            raise ValueError(f"it contains {shown}, which this version does not know. Read it with a later version of "
+            raise ValueError(f"it contains {shown}, which this version cannot read. Read it with a later version of "
                              "granular.")
         if not is_valid:
             raise ValueError(f"{shown} does not fit a run of {n} bodies and {t} samples, got an array of shape "

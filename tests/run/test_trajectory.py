@@ -118,12 +118,12 @@ def test_files_of_a_later_version_are_refused_by_name(tmp_path, soft):
         gr.Trajectory.load(changed(tmp_path / "run.npz", {}, format=99))
     soft.save(tmp_path / "run.npz")
     path = changed(tmp_path / "run.npz", {}, watch=None, twist=1)
-    with pytest.raises(ValueError, match=r"run\.npz' contains twist, watch, which this version does not know"):
+    with pytest.raises(ValueError, match=r"run\.npz' contains twist, watch, which this version cannot read"):
         gr.Trajectory.load(path)
     soft.save(tmp_path / "run.npz")
     path = changed(tmp_path / "run.npz", {"scene.twist": np.zeros(4)})
     with pytest.raises(
-        ValueError, match=r"run\.npz' is not a valid run: it contains scene\.twist, which this version does not know"
+        ValueError, match=r"run\.npz' is not a valid run: it contains scene\.twist, which this version cannot read"
     ):
         gr.Trajectory.load(path)
 
