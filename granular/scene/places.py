@@ -30,6 +30,8 @@ def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> A
 
     Parameters
     ----------
+    scene : Scene
+        Scene with radii, walls and anchor.
     gap : (T, n-1) array, (T, n) on a ring
         Gaps in m, one row per time.
     elapsed : (T,) array
@@ -115,7 +117,7 @@ def speed_scale(scene: Scene) -> float:
     largest speeds of driven and thermal walls. Pendula add Ω times the largest difference of their displacements.
     """
     v = scene.velocity if isinstance(scene, Scene) else checked(scene).velocity
-    # overlaps add no height of fall
+    # overlaps do not add to the height of fall
     reach = float(scene.gap.clip(min=0.0).sum())
     fall = scene.gravity
     if scene.external_force is not None:
@@ -170,9 +172,8 @@ def checked(scene: Any) -> Scene:
 MAX_LENGTH_ERROR = 2.0**-26
 """Maximum accepted error of the sum of gaps, relative to its terms.
 
-See `invalid_reason`.
-
-It corresponds to half of the digits of a float. Rounding errors are much smaller, errors of invalid states much larger.
+See `invalid_reason`. It corresponds to half of the digits of a float. Rounding errors are much smaller, errors of
+invalid states much larger.
 """
 
 
@@ -289,7 +290,7 @@ The rounding error of the sum of gaps is similar, if hard balls bounce between t
 class WallMeeting:
     """Time at which two approaching walls meet, with no free length between them.
 
-    For walls at constant velocity it is computed immediately. For driven walls, `look` searches step by step.
+    For walls at constant velocity it is computed immediately. For driven walls, `search_until` searches step by step.
 
     Parameters
     ----------
@@ -351,7 +352,7 @@ class WallMeeting:
             if gap <= CLOSING_MARGIN * self.room and rate <= 0.0:
                 self.after, self.horizon = self.looked, self.start + self.looked
                 break
-            # no meeting before it, because of the bound on the acceleration; half of the margin keeps the step positive
+            # the bound of the acceleration excludes an earlier meeting; half of the margin keeps the step positive
             safe_time = self.looked + time_to_contact(
                 max(0.0, gap - 0.5 * CLOSING_MARGIN * self.room), rate, self.max_acceleration)
             later_jumps = self.jumps[np.searchsorted(self.jumps, self.looked, side="right") :]  # where the rate changes

@@ -19,7 +19,7 @@ from granular.scene.walls.panels import Panels, _PanelMotion
 from granular.scene.walls.path import MAX_TERMS
 
 MAX_MOTION = 1e150
-"""Maximum amplitude (m) and acceleration (m/s²). Products do not overflow."""
+"""Maximum amplitude (m) and acceleration (m/s²), so that products do not overflow."""
 PANELS_PER_PERIOD = 8
 """Number of polynomials per period of a `Sine`."""
 # as a fraction, so that phases of many turns are reduced without rounding
@@ -85,9 +85,9 @@ class Sine(_PanelMotion):
         frequency : float
             f in Hz, positive.
         gravity : float
-            g in m/s², positive.
+            g in m/s², positive. Defaults to 9.81.
         phase : float
-            φ in rad.
+            φ in rad at t = 0. Defaults to 0.
 
         Returns
         -------

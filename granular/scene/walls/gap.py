@@ -161,8 +161,8 @@ def next_panel_state(wall: Record, panels: Records, now: State, s: float) -> Sta
     """Return the state of the gap at the start of the next panel.
 
     `s` is the time in s from `now` to the end of its panel. `flight` computes the gap by divided differences only on
-    the panel of its state. They keep the digits of a bounce that is small compared with the motion of the wall, hence a
-    new state per panel.
+    the panel of its state. Divided differences keep the digits of a bounce that is small compared with the motion of
+    the wall. Each panel therefore needs a new state.
     """
     gap, rate, _, noise = flight(wall, panels, now, now.panel, 0.0, s)
     # values within their noise have no sign

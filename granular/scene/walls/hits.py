@@ -41,9 +41,10 @@ MAX_PERIODS = 2.0**50
 If the search reaches this time without a hit, this time is returned as the hit.
 """
 SHORT_STEP_SHARE = 2.0**-6
-"""Fraction of the rest of a panel.
+"""Fraction of the rest of a panel below which a step is short.
 
-After a shorter step, `opening_time` is tried as well."""
+If a step is shorter, `opening_time` is tried as well.
+"""
 
 
 @rare

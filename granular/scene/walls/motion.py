@@ -29,9 +29,9 @@ FIRST_PANELS = 16
 Features shorter than a small part of such a panel can be missed.
 """
 MIN_FIT_TIME = 1e-6
-"""Minimum length in s of the interval that is fitted for a run of zero length.
+"""Minimum length in s of the fitted interval.
 
-The velocity of the wall is then defined as well.
+Even in a run of zero length, the velocity of the wall is therefore defined.
 """
 # a panel of 2⁻³⁰ of the run that has not converged shows that the function is not smooth
 MAX_HALVINGS = 30
@@ -50,7 +50,7 @@ class Motion:
     Parameters
     ----------
     function : callable
-        Smooth function that returns m(t) in m for a time in s (float). A saved run has `Panels` in its place.
+        Smooth function that returns m(t) in m for a time in s (float). In a saved run it is replaced by `Panels`.
     accuracy : float
         Accuracy relative to the largest excursion |m - m(t_start)|; at least 2⁻⁵², about 2.2e-16. Defaults to 1e-15.
 

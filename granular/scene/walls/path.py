@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # 2²⁷ + 1, which splits a float into two halves of at most 26 bits (Veltkamp)
 SPLIT_FACTOR = 134217729.0
 EDGE_TOLERANCE = 2.0**-96
-"""Largest distance of a time from an edge that it is considered to be on.
+"""Largest distance from an edge at which a time counts as on the edge.
 
 It is relative to the time. The sum of two floats does not resolve smaller distances.
 """
