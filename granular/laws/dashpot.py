@@ -49,8 +49,8 @@ class LinearDashpot(_StiffAndDamped):
     k : float
         Stiffness in N/m, positive.
     gamma : float
-        Damping coefficient γ in kg/s, not negative. Defaults to 0. It is not divided by m_eff. (The paper divides k
-        and γ of its *viscoelastic* law by m_eff.)
+        Damping coefficient γ in kg/s, not negative. Defaults to 0. It is not divided by m_eff.
+        (Müller & Pöschel 2011 divide k and γ of their *viscoelastic* law by m_eff.)
     """
 
     k: float
@@ -64,8 +64,9 @@ class LinearDashpot(_StiffAndDamped):
     ) -> LinearDashpot:
         """Return the law with a given restitution of an isolated contact in `pair`.
 
-        Either the stiffness or the contact duration t_c is given. With ζ and f(ζ) of the module docstring, k = m_eff
-        (2 f / t_c)² and γ = 4 ζ f m_eff / t_c. An isolated contact of the law has exactly this ε and this t_c.
+        Either the stiffness or the contact duration t_c is given. With ζ and f(ζ) of the module docstring,
+        k = m_eff (2 f / t_c)² and γ = 4 ζ f m_eff / t_c. An isolated contact of the law has exactly
+        this ε and this t_c.
 
         Parameters
         ----------
@@ -156,8 +157,8 @@ def reduced_duration(zeta: float) -> float:
 def damping_ratio(restitution: float) -> float:
     """Return ζ of the clipped dashpot with a given restitution in (0, 1].
 
-    This is the exact inverse of `restitution`. With L = -ln(ε)/2, y is the root of y cot y = L, and ζ = cos y, if L <
-    1. If L > 1, y is the root of y coth y = L, and ζ = cosh y.
+    This is the exact inverse of `restitution`. With L = -ln(ε)/2, if L < 1, y is the root of y cot y = L,
+    and ζ = cos y. If L > 1, y is the root of y coth y = L, and ζ = cosh y.
     """
     length = 0.5 * abs(math.log(_positive_restitution(restitution)))
     # critical damping, where both branches below are 0/0

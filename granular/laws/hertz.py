@@ -81,15 +81,15 @@ class Hertz(_Spheres):
 @check.face
 @dataclass(frozen=True)
 class ViscoelasticHertz(_Spheres):
-    """Viscoelastic spheres, the law of the paper: F = k ξ^(3/2) + γ √ξ ξ̇.
+    """Viscoelastic spheres, F = k ξ^(3/2) + γ √ξ ξ̇ (Müller & Pöschel 2011).
 
     Parameters
     ----------
     k : float
         Stiffness in N/m^(3/2), positive.
     gamma : float
-        Damping γ = (3/2) A k in kg/(s √m), not negative, with the dissipative constant A in s. (The paper
-        divides both by m_eff.)
+        Damping γ = (3/2) A k in kg/(s √m), not negative, with the dissipative constant A in s.
+        (Müller & Pöschel 2011 divide k and γ by m_eff.)
     """
 
     k: float
@@ -142,8 +142,8 @@ class ViscoelasticHertz(_Spheres):
         """Return the law with a given restitution *at one impact speed*.
 
         Either the stiffness or the contact duration t_c at this speed is given. With b(ε) and the dimensionless
-        duration D(b) of `granular.laws.viscoelastic_restitution`, k = m_eff (D / t_c)^(5/2) v^(-1/2) and γ = b k^(3/5)
-        m_eff^(2/5) v^(-1/5).
+        duration D(b) of `granular.laws.viscoelastic_restitution`, k = m_eff (D / t_c)^(5/2) v^(-1/2) and
+        γ = b k^(3/5) m_eff^(2/5) v^(-1/5).
 
         Parameters
         ----------
@@ -318,8 +318,8 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
 def _stiffness_of_duration(dimensionless: float, duration: float, speed: float, pair: Pair | None) -> float:
     """Return k of a Hertz contact with the duration t_c at the impact speed v.
 
-    t_c is in s and v in m/s. With the dimensionless duration D = v^(1/5) (k / m_eff)^(2/5) t_c, k is m_eff (D /
-    t_c)^(5/2) v^(-1/2).
+    t_c is in s and v in m/s. With the dimensionless duration D = v^(1/5) (k / m_eff)^(2/5) t_c,
+    k is m_eff (D / t_c)^(5/2) v^(-1/2).
     """
     return checked_pair(pair).m_eff * math.pow(dimensionless / duration, 2.5) / math.sqrt(speed)
 

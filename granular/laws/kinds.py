@@ -114,7 +114,7 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
         return laws
     is_ready = isinstance(laws, tuple) and len(laws) == len(scene.gap)
     given, pairs = tuple(laws) if is_ready else per_pair("laws", laws, scene.n_pairs), scene.pairs
-    # None without a look at the laws: scenes with more pairs are not cached
+    # None without examining the laws: scenes with more pairs are not cached
     distinct_laws = {id(law): law for law in given} if len(given) <= CACHED_PAIRS else {0: None}
     floats = {number: _law_floats(law) for number, law in distinct_laws.items()}
     if None in floats.values():
@@ -276,8 +276,8 @@ def checked(law: Any, scene: Scene) -> SceneLaws:
     Raises
     ------
     ValueError
-        If a force is not a finite number, if a trait contradicts the force, or for another law rejected in the module
-        docstring.
+        If a force is not a finite number, if a trait contradicts the force, or if the law is rejected for another
+        reason in the module docstring.
     """
     laws = resolved(per_pair("law", law, scene.n_pairs), scene)
     if laws.sound:
@@ -341,7 +341,7 @@ def _largest_tested_overlap(law: PairLaw, speed: float) -> float:
         if 0.5 * OVERLAP_RATIO * OVERLAP_RATIO * xi * force > energy or OVERLAP_RATIO * xi > deepest:
             break
         xi *= OVERLAP_RATIO
-    # the same push at every overlap, and no push at rest
+    # the same force at every overlap, and no force at rest
     if len(dampings) == 1 and (damping := dampings.pop()) > 0.0:
         raise _no_spring_error(law, damping, speed)
     return xi
@@ -416,11 +416,11 @@ def _no_spring_error(law: PairLaw, damping: float, speed: float) -> ValueError:
     """
     return refused(law, "must repel bodies at rest at some overlap",
                    f"got a force of {damping!r} N at rate {speed:.6g} m/s at every overlap, and none at rest",
-                   "Are the arguments (xi, xi_dot, pair)?")
+                   "Check that the arguments of `force` are (xi, xi_dot, pair).")
 
 
 def _rate_error(law: PairLaw, xi: float, rate: float) -> ValueError:
-    """Return the error for a force that depends on the rate against its traits.
+    """Return the error for a force that depends on the rate despite its traits.
 
     `rate_dependent` of the law is False, but its force differs between the rates 0 and `rate` in m/s."""
     at_rest, in_motion = law.force(xi, 0.0, xi), law.force(xi, rate, xi)

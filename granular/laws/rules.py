@@ -159,8 +159,9 @@ class TabulatedRestitution:
     ) -> TabulatedRestitution:
         """Return the table of ε = (y_(j+1)/y_j)^power from a decreasing series y.
 
-        `covariance` is that of y, and `speed` computes the speed of impact from y. `name` is the name of the series in
-        messages. `fix` is the last sentence of the message about an entry that is not smaller than the one before it.
+        `covariance` is the covariance matrix of y, and `speed` computes the impact speed from y. `name` is the name of
+        the series in messages. `fix` is the last sentence of the message about an entry that is not smaller than the
+        one before it.
         """
         y = check.positive(name, series, "number")
         check.raise_if_true({check.must(name, "an array of at least 3 entries, before, between and after two bounces",

@@ -192,7 +192,7 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
 def stack_limit(n: int, restitution: float = 1.0) -> float:
     """Return v_N/v of a stack of `n` balls, each much lighter than the ball below.
 
-    The limit is (1 + ε)^N - 1, at most 2^N - 1.
+    The limit is (1 + ε)^N - 1, at most 2^N - 1. `restitution` is ε in [0, 1] of all contacts and defaults to 1.
     """
     count = check.integer("n", n, at_least=1)
     return float((1.0 + check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
@@ -223,7 +223,7 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     masses : (N,) array
         Masses in kg, the striker first.
     restitution : float
-        ε in [0, 1] of all contacts.
+        ε in [0, 1] of all contacts. Defaults to 1.
     """
     m = check.positive("masses", masses, "mass")
     eps = check.number("restitution", restitution, at_least=0.0, at_most=1.0)
@@ -298,8 +298,8 @@ def _log_cosh(x: float) -> float:
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
     """Return (time in s, path in m) until a ball dropped on a floor is at rest.
 
-    T = √(2h/g) (1 + ε)/(1 - ε), path = h (1 + ε²)/(1 - ε²), for a drop `height` h in m and ε in [0, 1). The number of
-    bounces is infinite, but the time is finite.
+    T = √(2h/g) (1 + ε)/(1 - ε), path = h (1 + ε²)/(1 - ε²), for a drop `height` h in m, ε in [0, 1) and `gravity` g in
+    m/s² (9.81 by default). The number of bounces is infinite, but the time is finite.
     """
     h = check.number("height", height, at_least=0.0)
     g = check.number("gravity", gravity, above=0.0)
@@ -382,7 +382,7 @@ def _marshall_ratio(eps: float) -> float:
 def _thornton_ratio(eps: float) -> float:
     """Return ζ = √(6/5) β of Thornton's fit for a coefficient of restitution.
 
-    β is set to 0 at ε = 1, where the fit gives .0045.
+    β is set to 0 at ε = 1, where the fit gives 0.0045.
     """
     h = _polynomial(eps, 0.0, -6.918798, -16.41105, 146.8049, -796.4559, 2928.711, -7206.864, 11494.29, -11342.18,
                     6276.757, -1489.915)
