@@ -35,7 +35,7 @@ STOP_SECONDS, END_SECONDS = 0.9, 1.2  # duration in s of the stop at the floor, 
 # shortest flight, and longest shown part of flight and fall, in s
 MIN_FLIGHT_TIME, MAX_SHOWN_SECONDS = 0.2, 6.0
 MIN_SLOWDOWN = 10.0  # contacts that are slowed down less have no act of their own
-ACT_CAPTIONS = {"fall": "falling, as fast as life", "stop": "time stands still: the floor is reached",
+ACT_CAPTIONS = {"fall": "falling, in real time", "stop": "time stands still: the floor is reached",
         "flight": "flying, {}", "end": "the highest point of each ball"}
 PANEL_WIDTH, CHART_WIDTH = 3.2, 4.0  # width of the panels relative to a stage: stages keep their places on both pages
 BALL_POINTS, STACK_POINTS, STAGE_POINTS = 18.0, 24.0, 290.0

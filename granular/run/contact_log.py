@@ -228,7 +228,7 @@ class LogFile:
     ----------
     path : path
         Name of a new file that ends in .npy.
-    kind : dtype
+    dtype : dtype
         Type of the rows of an empty file. Otherwise the type of the first block is used.
 
     Raises
@@ -303,9 +303,9 @@ def open_log_file(path: str) -> Rows:
     try:
         rows: Rows = np.load(path, mmap_mode="r")
     except ValueError as error:
-        raise ValueError(f"`log` must be a log of contacts, got {path!r} ({error}).") from None
+        raise ValueError(f"`log` must be a contact log, got {path!r} ({error}).") from None
     if not {"pair", "t_begin"} <= set(rows.dtype.names or ()):
-        raise ValueError(f"`log` must be a log of contacts, got {path!r}. Its columns pair and t_begin are missing.")
+        raise ValueError(f"`log` must be a contact log, got {path!r}. Its columns pair and t_begin are missing.")
     return rows
 
 

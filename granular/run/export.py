@@ -22,15 +22,16 @@ DECK_HEADER = """\
 # Written by granular. SI units; the line of balls is the x axis, upwards is +x. No friction.
 # Run: lmp -in THIS_FILE, with -var dt 1e-8 -var steps 1000000 for other numbers than the two below.
 #
-# Where the conventions of the two programs differ, and what was done about it:
-#   clipping   granular never lets a contact pull: limit_damping, for pairs and walls. Without it balls part slower.
-#   k          hooke takes k in N/m as it is; hertz takes k/sqrt(R_eff) in Pa.
-#   damping    velocity takes gamma in kg/s as it is; viscoelastic takes gamma/(sqrt(R_eff) m_eff) in 1/(m s);
-#              coeff_restitution takes exp(-pi zeta/sqrt(1 - zeta^2)), the restitution of contacts that may pull. That
-#              zeta = alpha/sqrt(5) is the one of the restitution wanted, for contacts that are clipped.
-#   mass       m_eff = m_i m_j/(m_i + m_j), at a wall the ball's own; R_eff likewise: the same in both programs.
-#   state      LAMMPS keeps positions, granular keeps gaps; it takes fixed steps, with velocities half a step old in its
-#              forces, granular finds the onset and the end of every contact. The difference vanishes with dt.
+# Conventions of the two programs, and their conversion in this file:
+#   clipping   Contact forces of granular are never attractive: limit_damping does the same, for pairs and walls.
+#              Without it, damped balls separate more slowly.
+#   k          hooke takes k in N/m unchanged; hertz takes k/sqrt(R_eff) in Pa.
+#   damping    velocity takes gamma in kg/s unchanged; viscoelastic takes gamma/(sqrt(R_eff) m_eff) in 1/(m s);
+#              coeff_restitution takes exp(-pi zeta/sqrt(1 - zeta^2)), the restitution of a contact without clipping.
+#              With zeta = alpha/sqrt(5), the clipped contact then has the restitution of granular.
+#   mass       m_eff = m_i m_j/(m_i + m_j), at a wall the mass of the ball, and R_eff likewise, in both programs.
+#   state      LAMMPS stores positions and takes fixed steps, and its forces use velocities half a step old. granular
+#              stores gaps and locates the onset and the end of every contact. The difference vanishes with dt.
 """
 
 

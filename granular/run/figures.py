@@ -21,7 +21,10 @@ from granular.scene import Scene
 from granular.scene.places import point_positions
 
 FAR_SPAN_LENGTHS = 3.0
-"""Lengths of a run before its first contact, above which the clock starts there."""
+"""Maximum start time of a clock that starts at 0, in lengths of the run.
+
+If the first contact begins later, the clock starts at this contact.
+"""
 AXIS_PAD, CONTACTS_MARGIN = 0.015, 0.06
 """Fractions of the time axis.
 

@@ -207,8 +207,8 @@ def film_speed(slower: float) -> str:
     """
     factor = f"{float(f'{max(slower, 1.0 / slower):.2g}'):,g} ×".replace(",", " ")
     if max(slower, 1.0 / slower) <= 1.05:
-        return "as fast as life"
-    return f"slowed {factor}" if slower > 1.0 else f"{factor} faster than life"
+        return "in real time"
+    return f"slowed {factor}" if slower > 1.0 else f"{factor} faster than real time"
 
 
 def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:

@@ -58,8 +58,8 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
     Returns
     -------
     dict of str to array
-        Arrays in SI units by the name of the column, in the order of `columns`. If the first of several columns of the
-        file is a clock (``t``, ``time``, ``zeit`` …), its times must increase.
+        Arrays in SI units by the name of the column, in the order of `columns`. If the file
+        has several columns and the first one contains times (``t``, ``time``, ``zeit`` …), these times must increase.
 
     Raises
     ------
@@ -143,14 +143,15 @@ def velocities(
     ValueError
         If times do not increase, or a pair overlaps by more than half the sum of its radii and noise.
     """
-    check.every("time", time, np.diff(time, prepend=-np.inf) > 0.0, "larger than the one before it, without `velocity`")
+    check.every("time", time, np.diff(time, prepend=-np.inf) > 0.0,
+                "larger than the entry before it, without `velocity`")
     step, ball = np.diff(time)[:, None], ~scene.is_wall
     slope, before, after = np.diff(position, axis=0) / step, step[:-1], step[1:]
     swing = scene.pendulum**2 * (position[1:-1] - scene.at_rest) * ball
-    # change of velocity minus its value in free flight, scaled so that its standard error is that of a position
+    # change of velocity minus its value in free flight, scaled to have the standard error of a position
     change = np.abs(np.diff(slope, axis=0) - 0.5 * (scene.fall - swing) * (before + after)) / np.sqrt(
         before**-2.0 + after**-2.0 + (1.0 / before + 1.0 / after) ** 2) * ball
-    # bodies of pairs that can touch within one step; they give the noise only if there are too few others
+    # bodies of pairs that can touch within one step; the noise is estimated from them only without enough others
     near = gap[1:-1] <= 0.5 * np.abs(scene.closing_acceleration) * step.max() ** 2 + np.maximum(
         *(np.abs(np.diff(rows, axis=0)) for rows in (gap[:-1], gap[1:])))
     touched = sum(near @ np.eye(scene.n)[side] for side in scene.bodies(np.arange(scene.n_pairs))) > 0.0

@@ -83,8 +83,8 @@ def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> N
 def file_contents(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the metadata and the arrays of a run for a file, each by name."""
     if run.law is None and run.rule is None:
-        raise ValueError("`run` must have laws or rules to be saved this way. Save numbers of another program as .csv "
-                         "or .extxyz, or with to_xarray().")
+        raise ValueError("`run` must have laws or rules to be saved in this format, got a run of another program. Save "
+                         "it as .csv or .extxyz, or with to_xarray().")
     scene = with_fitted_walls(run.scene, float(run.time[0]), float(run.time[-1]))
     values = {name: getattr(run, name) for name in RUN_ARRAYS} | {
         f"scene.{name}": getattr(scene, name) for name in SCENE_ARRAYS}

@@ -37,7 +37,7 @@ def description_of_run(run: Any) -> dict[str, str]:
 
     They describe scene, laws or rules, status and origin (versions and command).
     """
-    laws = run.law or run.rule or ("none: numbers from elsewhere",)
+    laws = run.law or run.rule or ("none: numbers of another program",)
     laws_shown = [repr(law) for law in (laws[:1] if len(set(map(repr, laws))) == 1 else laws)]
     command = " ".join([os.path.basename(sys.argv[0]), *sys.argv[1:]])
     descriptions = {

@@ -238,11 +238,12 @@ class Trajectory(LazyContacts):
         """Energy in J that each contact dissipates, one entry per row of `contacts`.
 
         It is ∫ F ξ̇ dt from onset to end, or so far, with the contact force F in N and the rate ξ̇ of the overlap in
-        m/s. For soft spheres the first access repeats the run, because this integral would slow down every run. Then
-        it holds for every law, also where contacts overlap. For an isolated contact it is ½ m_eff (w_in² - w_out²) with
-        the closing rates w_in and w_out. A contact that is clipped while balls overlap also dissipates its elastic
-        energy, and a contact that begins overlapped can have a negative value. For hard spheres, and for hits of
-        thermal walls, it is J (w_in + w_out) / 2 with the impulse J in N s. A hit of a thermal wall has minus its heat.
+        m/s. For soft spheres the first access repeats the run, because this integral would slow down every run. The
+        integral holds for every law, also where contacts overlap in time. For an isolated contact it is ½ m_eff (w_in²
+        - w_out²) with the closing rates w_in and w_out. A contact that is clipped while balls overlap also dissipates
+        its elastic energy, and a contact that begins overlapped can have a negative value. For hard spheres, and for
+        hits of thermal walls, it is J (w_in + w_out) / 2 with the impulse J in N s. For a hit of a thermal wall this is
+        minus the heat transferred to the ball.
 
         Raises
         ------
@@ -473,7 +474,7 @@ class Trajectory(LazyContacts):
         OSError
             If the file cannot be read.
         TypeError, ValueError
-            If the file is not a trajectory, belongs to a later version, or was changed after it was saved. A
+            If the file is not a trajectory, was written by a later version, or was changed after it was saved. A
             user-defined law or rule without a replacement also raises an error.
 
         Notes

@@ -46,7 +46,7 @@ def test_a_fall_has_three_times_each_with_its_own_rate(two):
     pictures = story.pictures()
     contacts = pictures[len(shown["fall"]) + len(shown["stop"])][0]
     assert contacts.titles[0].startswith("slowed 6 700 ×")
-    assert pictures[-15][0].titles[-25:-24] == ["flying, as fast as life"]
+    assert pictures[-15][0].titles[-25:-24] == ["flying, in real time"]
     top = gr.edmd.simulate(two.report.scene, two.report.rule, t_end=1.2, samples=np.linspace(0.4, 1.2, 801))
     assert times[-1] == pytest.approx(top.time[top.position[:, 2].argmax()], abs=1e-3)
 
@@ -186,7 +186,7 @@ def test_a_flight_that_takes_long_is_told_to_be_faster_than_life():
     assert report.rises[0] > 200.0
     assert page.axes["hard"].get_ylim()[1] > report.rises[0]
     assert len(story.acts["flight"]) == 5 * MAX_SHOWN_SECONDS
-    assert page.titles[-8:-6] == ["flying, 1.2 × faster than life"] * 2
+    assert page.titles[-8:-6] == ["flying, 1.2 × faster than real time"] * 2
     assert page.titles[-1] == "the highest point of each ball"
 
 

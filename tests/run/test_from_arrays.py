@@ -128,8 +128,8 @@ def test_runs_that_cannot_be_compared():
     with pytest.raises(ValueError, match=r"`run` must be of the same scene: its mass must be \[1\.  2\.  0\.5\], "
                                          r"got \[inf  1\.  2\.\]\."):
         REPORT.against(run)
-    with pytest.raises(ValueError, match=r"`run` must have laws or rules to be saved this way\. Save numbers of "
-                                         r"another program as \.csv or \.extxyz, or with to_xarray\(\)\."):
+    with pytest.raises(ValueError, match=r"`run` must have laws or rules to be saved in this format, got a run "
+                                         r"of another program\. Save it as \.csv or \.extxyz, or with to_xarray\(\)\."):
         gr.Trajectory.from_arrays(LINE, **ROWS).save("never.npz")
 
 

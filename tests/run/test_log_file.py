@@ -131,7 +131,7 @@ def test_mistakes_are_told_and_nothing_is_written_over(tmp_path, capsys) -> None
     with pytest.raises(ValueError, match=r"`size` must be an integer of at least 1, got 0\."):
         run.contact_batches(0)
     for bad, sentence in (
-        (b"nothing", "`log` must be a log of contacts"),
+        (b"nothing", "`log` must be a contact log"),
         (None, "Its columns pair and t_begin are missing"),
     ):
         (tmp_path / "run.npy").write_bytes(bad) if bad else np.save(tmp_path / "run.npy", np.zeros(3))

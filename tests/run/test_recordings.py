@@ -163,7 +163,7 @@ def test_collisions_of_balls_and_swings_of_pendula():
 WRONG_ROWS = [
     ({"time": [0.0, 0.1], "position": [[0.0, 1.02], [0.0, 0.97]]},
         r"`time` must be an array of at least 3 times with positions, without `velocity`, got 2\."),
-    ({"time": [0.0, 0.1, 0.1]}, r"`time\[2\]` must be larger than the one before it, without `velocity`, got 0\.1\."),
+    ({"time": [0.0, 0.1, 0.1]}, r"`time\[2\]` must be larger than the entry before it, without `velocity`, got 0\.1\."),
     ({"time": [0.0, 0.2, 0.1]}, r"`time\[2\]` must be a finite time in s, not before its predecessor, got 0\.1\. Sort"),
     ({"position": [[0.0, 1.0], [0.0, math.inf], [0.0, 0.8]]}, r"`position\[1, 1\]` must be a finite number, got inf\."),
     ({"position": [[0.0, math.nan]] * 3}, r"at least 3 times with positions, without `velocity`, got 0\."),

@@ -1,4 +1,4 @@
-// One film in three times: the fall as fast as life, the contacts slowed down, the flight as fast as life. Between them time
+// One film in three times: the fall in real time, the contacts slowed down, the flight in real time. Between them time
 // stands still while the camera comes near and goes away.
 //
 // Each ball flies to its own highest point and stays there, so that the last picture shows how high each rises. Both engines

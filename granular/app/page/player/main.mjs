@@ -25,7 +25,7 @@ class SlowClock extends Clock {
   setDuration(seconds) {
     this.duration = seconds;
     const slower = seconds / (this.span[1] - this.span[0]);
-    text($(".slowdown"), slower >= 1 ? `slowed ${inThousands(slower)} ×` : `${digits(1 / slower, 2)} × faster than life`);
+    text($(".slowdown"), slower >= 1 ? `slowed ${inThousands(slower)} ×` : `${digits(1 / slower, 2)} × faster than real time`);
   }
 
   tell() {
