@@ -234,7 +234,7 @@ def will_stick_to_wall(pairs: Records, bodies: Records, c: int, now: float, w: f
     if a <= 0.0:
         return False
     low, _ = pressing_bounds(side, walls.panels, t, tail, pair.closing_acceleration, -4.0 * e * w / (a * (1.0 - e)))
-    # Half of the present pressure is the margin: the bounces then end within twice their estimated duration.
+    # Half of the current pressure is the margin: the bounces then end within twice their estimated duration.
     return low >= 0.5 * a  # type: ignore[no-any-return]
 
 
@@ -253,7 +253,7 @@ def bring_to_rest(run: Record, pairs: Records, bodies: Records, c: int, walls: W
         top = min(c + 1, len(pairs) - 1)
         if top > c:
             advance_pair(pairs[top], bodies[top], bodies[top + 1], pair.at, walls)
-        # Counts the balls whose remaining relative velocity is a rounding error.
+        # count of balls whose remaining relative velocity is a rounding error
         run.settled += upper.fall_velocity - pair.closing_acceleration * pair.at != lower.fall_velocity
         upper.is_free, upper.fall_velocity, upper.noise = 0.0, lower.fall_velocity, lower.noise
         set_closing(run, pairs, bodies, c, top, walls)

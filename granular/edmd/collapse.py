@@ -31,7 +31,7 @@ SLOW_RATE_FACTOR = 2.0**-20
 NEGLIGIBLE_SPEED_FACTOR = 1e-12
 """Speed that is negligible, in units of the speed scale."""
 ISOLATION_FACTOR = 64.0
-"""Minimum isolation of a group of slow pairs.
+"""Minimum ratio of times for the isolation of a group of slow pairs.
 
 The next collision of any pair outside the group must be later than this many times the time until the next collision
 of the group. Otherwise the group is not classified.

@@ -73,8 +73,8 @@ def refresh(
 ) -> None:
     """Predict pairs `first` to `last` again and update the tree.
 
-    If bodies are pressed together but have no next event, they can have come to rest, see `clusters.rest`. The pairs
-    that this changes are predicted again as well.
+    If bodies are pressed together but have no next event, they can have come to rest, see `clusters.bring_to_rest`. The
+    pairs that this changes are predicted again as well.
     """
     c = first
     while c <= last:

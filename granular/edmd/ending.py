@@ -32,7 +32,7 @@ def end_message(run: Any, status: Status, run_numbers: dict[str, Any], now: floa
         numbers = {"ball": ball, "bound": verdict.bound, "count": "two" if count == 2 else count}
         reason = VERDICT_REASONS[verdict.kind].format(**numbers)
         if verdict.bound == math.inf:
-            reason = "forces may pull them apart, so no bound on their speed is known"
+            reason = "forces can pull them apart, so no bound on their speed is known"
         kind, advice = ("possible inelastic", "; give collapse='merge' to continue") if (
             status is Status.bounded) else ("inelastic", "")
         return f"{kind} collapse of {verdict.where(run.scene)} at {when}: {reason} ({verdict.kind}){advice}"

@@ -204,7 +204,7 @@ OPTIONAL_ARRAYS = ("noise",)
 """Names of arrays that earlier releases did not save."""
 PRESENT_NAMES = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
            "hits": "contacts", "shut": "stuck"}
-"""Present names of saved arrays by the names that earlier releases used."""
+"""Current names of saved arrays by the names that earlier releases used."""
 
 
 def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:

@@ -92,7 +92,7 @@ def simulate(
     on_event : callable, optional
         ``on_event(row)``, called after each collision with its row of the contact log.
     on_progress : callable, optional
-        ``on_progress(t, events)``, called from time to time.
+        ``on_progress(t, events)``, called repeatedly with the time reached in s and the number of collisions.
     progress : bool
         Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     engine : str
@@ -101,10 +101,10 @@ def simulate(
         compilation pays off. This depends on the number of past collisions, and on the number expected until `t_end`
         or for the size of the scene. A sample counts as 1/16 collision per ball.
     ties : str
-        Rule for simultaneous collisions. One after the other: "left" (default, the lowest pair first), "right", or
-        "random" (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution
-        for all pairs) or "poisson" (any restitution). No rule is physically distinguished, because touching hard
-        spheres have no unique solution.
+        Rule for simultaneous collisions. "left" (default, the lowest pair first), "right" and "random" (reproducible by
+        `seed`) apply them one after the other. "newton" and "reflect" (one constant restitution for all pairs) and
+        "poisson" (any restitution) solve a touching group as a whole. No rule is physically distinguished, because
+        touching hard spheres have no unique solution.
     seed : int
         Seed for ``ties="random"``. Defaults to 0.
     collapse : str
