@@ -1,7 +1,7 @@
 """Isolated contact of two bodies: restitution, duration, overlap and force.
 
-Two bodies of effective mass m_eff meet at speed v without other forces: m_eff ξ̈ = -max(0, F(ξ, ξ̇)), ξ(0) = 0, ξ̇(0) =
-v, until F returns to zero. `with_restitution` solves the inverse problem. Event-driven simulation uses only the
+Two bodies of effective mass m_eff meet at speed v without other forces: m_eff ξ̈ = -max(0, F(ξ, ξ̇)), ξ(0) = 0,
+ξ̇(0) = v, until F returns to zero. `with_restitution` solves the inverse problem. Event-driven simulation uses only the
 restitution of a force law, and `restitution_of` creates the collision rule.
 """
 
@@ -74,8 +74,8 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     """Compute the isolated contact of `pair` under `law` at impact speed `speed`.
 
     Linear laws (with any damping), undamped powers and `WaltonBraun` have closed forms. The restitution of damped
-    powers F = k ξ^p + γ ξ^((p-1)/2) ξ̇ also has a closed form. It is the restitution of the dashpot with ζ = γ / √(2
-    (p+1) k m_eff) (Tsuji: α/√5). All other contacts are integrated by the event-located method.
+    powers F = k ξ^p + γ ξ^((p-1)/2) ξ̇ also has a closed form. It is the restitution of the dashpot with
+    ζ = γ / √(2 (p+1) k m_eff) (Tsuji: α/√5). All other contacts are integrated by the event-located method.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     Raises
     ------
     TypeError, ValueError
-        If `speed` is not positive. If the contact does not end (ε = 0, or the law does not repel) or gains energy. If
-        its overlap or force exceeds the range of floats. This includes speeds below 1e-50 or above 1e50
-        m/s, except for linear laws.
+        If `speed` is not positive, if the contact does not end (ε = 0, or the law does not repel), if it gains energy,
+        or if its overlap or force exceeds the range of floats. The last case includes speeds below 1e-50 or above
+        1e50 m/s, except for linear laws.
 
     Examples
     --------
@@ -333,9 +333,9 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     pair : Pair
         The two bodies.
     speed : float
-        Impact speed in m/s. It matters only for laws whose ε depends on it.
+        Impact speed in m/s. It matters only for laws whose ε depends on it. Defaults to 1.
     field : str
-        Name of the damping coefficient.
+        Name of the damping coefficient. Defaults to "gamma".
 
     Returns
     -------
@@ -456,8 +456,8 @@ def _linear_contact(k: float, gamma: float, pair: Pair, v: float) -> Collision:
 def _elastic_contact(k: float, p: float, pair: Pair, v: float) -> Collision:
     """Compute the contact of the undamped law F = k ξ^p in closed form.
 
-    `k` is in N/m^p, and `v` is the impact speed in m/s. The formulas are ξ_max = ((p+1) m v² / (2k))^(1/(p+1)) and t_c
-    v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1)).
+    `k` is in N/m^p, and `v` is the impact speed in m/s. The formulas are ξ_max = ((p+1) m v² / (2k))^(1/(p+1)) and
+    t_c v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1)).
     """
     deepest = math.pow(0.5 * (p + 1.0) * pair.m_eff * v * v / k, 1.0 / (p + 1.0))
     shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / (p + 1.0)) / math.gamma(0.5 + 1.0 / (p + 1.0))
@@ -491,7 +491,7 @@ def _simulate_contact(law: Any, pair: Pair, v: float) -> Collision:
     if not SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
         raise _range_error(v)
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
-    # the law has to see the original pair, not the pair of this auxiliary scene
+    # the law must receive the original pair, not the pair of this auxiliary scene
     scene.__dict__["pairs"] = Pairs(np.array([pair.m_eff]), np.array([pair.r_eff]), pair.index)
     run = simulate(scene, law, max_events=8, max_steps=MAX_CONTACT_STEPS)
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]

@@ -6,7 +6,7 @@ on the contact duration t_c, which is computed from the force law:
 
 | law                                                   | duration                                        |
 |-------------------------------------------------------|-------------------------------------------------|
-| F = k ξ^p + γ ξ^((p-1)/2) ξ̇, all dashpots included    | D(p, ζ) (m_eff/k)^(1/(p+1)) v^((1-p)/(1+p))     |
+| F = k ξ^p + γ ξ^((p-1)/2) ξ̇, including all dashpots   | D(p, ζ) (m_eff/k)^(1/(p+1)) v^((1-p)/(1+p))     |
 | viscoelastic, F = k ξ^(3/2) + γ √ξ ξ̇                  | D(b) (m_eff/k)^(2/5) v^(-1/5)                   |
 | any other                                             | integrated at a few speeds, cubic interpolation |
 

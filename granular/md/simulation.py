@@ -81,7 +81,7 @@ def simulate(
         back to a floor or fly between two walls need one of these options or `max_steps`. Walls that approach each
         other need a `t_end` before they meet.
     t_start : float
-        Time of the initial state in s.
+        Time of the initial state in s. Defaults to 0.
     samples : None, int, "contacts" or array of float
         States to record. None records the first and the last state. An int records that number of evenly spaced times
         from `t_start` to `t_end`. An array contains the times in s. "contacts" records the onset, the end and a few
@@ -91,7 +91,7 @@ def simulate(
         Whether to keep one row per contact in ``contacts``. If it is the path of a new file, such as ``"run.npy"``,
         rows are written to that file block by block instead. This needs no memory, and all written blocks remain
         readable if the process is killed. ``contacts`` then stays empty, and `Trajectory.contact_batches` reads the
-        file.
+        file. Defaults to True.
     max_events, max_steps : int, optional
         Stop with status ``max_events`` after that number of contacts or steps, by default 1 000 000 and 20 000 000.
         Under laws other than powers, contacts can creep or chatter. A run also stops with this status if some thousand
@@ -103,11 +103,12 @@ def simulate(
         ``on_progress(reached, count)`` is called repeatedly during the run, with the simulated time reached in s and
         the number of contacts.
     progress : bool
-        Show the progress of runs longer than 2 s on standard error, as a bar if tqdm is installed.
+        Whether to show the progress of runs longer than 2 s on standard error, as a bar if tqdm is installed. Defaults
+        to False.
     engine : {"auto", "plain", "compiled"}
-        Interpreted or compiled by numba (extra ``fast``). Results are bitwise identical. "auto" starts interpreted and
-        switches to compiled code once that saves time and if the law compiles. If it does not compile, `stats` contains
-        the reason.
+        Interpreted or compiled by numba (extra ``fast``). Results are bitwise identical. "auto", the default, starts
+        interpreted and switches to compiled code once that saves time and if the law compiles. If it does not compile,
+        `stats` contains the reason.
     method : {"located", "verlet", "symplectic-euler", "rk4", "gear5"}, optional
         "located", the default and the reference, locates every event to rounding: touch, end of the force, return of
         the force. The other methods are fixed-step integrators as in DEM codes. Their samples between two steps are
@@ -115,15 +116,15 @@ def simulate(
     dt : float, optional
         Time step in s of a fixed-step method. Defaults to 1/500 of the shortest expected contact duration.
     tol : float
-        Truncation error per step of "located" under nonlinear laws, relative to the current speed and overlap. Allowed
-        are values from 1e-17, which is below the rounding error, to 1e-3.
+        Truncation error per step of "located" under nonlinear laws, relative to the current speed and overlap. Values
+        from 1e-17, which is below the rounding error, to 1e-3 are allowed. Defaults to 1e-16.
     disturbed : {"resolve", "stop", "ignore"}
-        Treatment of contacts that are not isolated, for "located". "resolve" integrates overlapping neighbouring pairs
-        together. "stop" ends the run with status ``disturbed`` when the first such overlap begins: until then every
-        contact was isolated. "ignore" treats every contact as isolated (soft event-driven simulation): if a
-        neighbouring pair touches during a contact, its own contact begins with gap 0 after the end of the first one.
-        Contacts without an end (at rest) and initial overlaps are always resolved. "ignore" is not allowed for pendula,
-        because resetting a gap to 0 would change their energy.
+        Treatment of contacts that are not isolated, for "located". "resolve", the default, integrates overlapping
+        neighbouring pairs together. "stop" ends the run with status ``disturbed`` when the first such overlap begins:
+        until then every contact was isolated. "ignore" treats every contact as isolated (soft event-driven simulation):
+        if a neighbouring pair touches during a contact, its own contact begins with gap 0 after the end of the first
+        one. Contacts without an end (at rest) and initial overlaps are always resolved. "ignore" is not allowed for
+        pendula, because resetting a gap to 0 would change their energy.
 
     Returns
     -------
@@ -137,10 +138,12 @@ def simulate(
     TypeError, ValueError
         For invalid arguments.
 
-    Notes ----- Fixed-step methods can miss a contact shorter than `dt` completely. Onset and end of a contact are
-    interpolated between two steps, accurate to about (dt/t_c)² t_c. The error of the state has order min(p, 1+s) if the
-    force starts like t^s at the onset: s = 0 for a dashpot, 1 for a spring, 1.5 for Hertz. The integrator's own order p
-    is 4 for "rk4" and "gear5", 2 for "verlet" and 1 for "symplectic-euler", whose velocities lag by half a step. As an
+    Notes
+    -----
+    Fixed-step methods can miss a contact shorter than `dt` completely. Onset and end of a contact are interpolated
+    between two steps, accurate to about (dt/t_c)² t_c. The error of the state has order min(p, 1+s) if the force starts
+    like t^s at the onset: s = 0 for a dashpot, 1 for a spring, 1.5 for Hertz. The integrator's own order p is 4 for
+    "rk4" and "gear5", 2 for "verlet" and 1 for "symplectic-euler", whose velocities lag by half a step. As an
     exception, elastic contacts between two free flights have the order of "verlet" without gravity and pendula. A
     "gear5" run that starts within a contact has order 2, because the higher derivatives of its velocities are unknown.
     Cost: O(contacts) for "located", O(pairs) per step for a fixed-step method.
@@ -274,7 +277,7 @@ def events(scene: Scene, law: Any, *, max_events: int = check.MAX_INTEGER, **opt
     scene, law
         As for `simulate`.
     max_events : int
-        Maximum number of contacts.
+        Maximum number of contacts. By default the number is practically unlimited.
     **options
         Options of `simulate`.
 

@@ -67,8 +67,8 @@ def form_first_blocks(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run at its start.
 
     Pairs that overlap, or touch while they close, are moved to the pool. The pieces of islands remain to be planned
-    (`plan_all_due`). Returns false if the run has to stop at its start: at its stop
-    condition, or at a disturbed contact.
+    (`plan_all_due`). Returns false if the run has to stop at its start: at its stop condition, or at a disturbed
+    contact.
     """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, pair_count(s.pairs)
     for c in range(n):

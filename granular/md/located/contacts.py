@@ -16,7 +16,7 @@ but its force is below rounding error. It becomes ACTIVE when the force can be r
 3. PART of a dormant pair: the balls separate before the force can be resolved. The pair becomes OPEN.
 4. Jump of the velocity of a wall, or of a ball thrown back by a thermal wall (`jumps.apply_velocity_jump`): the force
    of an active pair is clipped, so that it becomes RESIDUAL, or a dormant pair is pulled apart and becomes OPEN.
-5. Reflection at a thermal wall (`jumps.throw_back`): the contact takes no time. The pair is STRUCK until the ball
+5. Reflection at a thermal wall (`jumps.throw_ball_back`): the contact takes no time. The pair is STRUCK until the ball
    leaves.
 
 If the balls separate with no more energy than rounding error and stay together (`stays_in_contact`), the contact does

@@ -16,7 +16,7 @@ from granular.md.located.system import is_closed, wrapped_number
 def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Record time and velocities at the onset of the contact of pair `c`.
 
-    The largest overlap starts with the present overlap. The contact of a dormant pair also begins here, although it may
+    The largest overlap starts with the current overlap. The contact of a dormant pair also begins here, although it may
     never develop a force.
     """
     pair = pool[pairs[c].slot]

@@ -161,7 +161,7 @@ def test_current_block(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> 
 
     `kernels` and `rare_kernel` return the version of a kernel that is called often or rarely. `limit` is the time in s
     up to which the run is advanced. Returns REST or BINDING if the run ends, STOPPED if it stops before a contact, or
-    WANTS_LOOK to continue.
+    WANTS_REST_TEST to continue.
     """
     result = rare_kernel(examine_island)(s, limit)
     if result != NOT_YET:

@@ -51,8 +51,8 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
     """Return the angular frequencies of waves in an infinite chain.
 
     With one ball per cell, ω = 2 √(K/m) |sin(θ/2)|. With two balls of masses m and M, ω² = K (1/m + 1/M) ± K √((1/m +
-    1/M)² - 4 sin²(θ/2)/(m M)). In general, ω² are the eigenvalues of a Hermitian matrix. ω are computed as the singular
-    values of a factor of this matrix.
+    1/M)² - 4 sin²(θ/2)/(m M)). In general, the values of ω² are the eigenvalues of a Hermitian matrix. The frequencies
+    ω are computed as the singular values of a factor of this matrix.
 
     Parameters
     ----------

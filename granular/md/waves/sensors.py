@@ -81,9 +81,9 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     run : Trajectory
         Run of `granular.md` with sufficient `samples`: 20 per pulse give 4 digits, 200 give 8.
     shares : floats
-        Fractions of the peak, in (0, 1), at which the width is measured.
+        Fractions of the peak, in (0, 1), at which the width is measured. Defaults to (0.5, 0.01, 0.001).
     static : float
-        Force in N in all contacts at rest. The pulse is the force above it.
+        Force in N in all contacts at rest. The pulse is the excess over this force. Defaults to 0.
 
     Returns
     -------
@@ -136,13 +136,13 @@ def picture(
     Parameters
     ----------
     run : Trajectory
-        Run with evenly spaced ``samples``, a few hundred are enough. Forces require soft spheres.
+        Run with evenly spaced ``samples``. A few hundred are enough. Forces require soft spheres.
     show : {"force", "velocity"}
-        Quantity shown by the colours.
+        Quantity shown by the colours. Defaults to "force".
     path : str or path, optional
         PNG, PDF or SVG file.
     beyond : bool
-        Whether to subtract the first sample, for example the static force of a chain.
+        Whether to subtract the first sample, for example the static force of a chain. Defaults to False.
     axis : matplotlib axis, optional
         Axis to draw on. By default a new figure is created.
 

@@ -119,18 +119,18 @@ def solitary(
     Parameters
     ----------
     n : int
-        Number of balls.
+        Number of balls. Defaults to 40.
     speed : float
-        Largest velocity of a ball in m/s, far below the speed of the wave.
+        Largest velocity of a ball in m/s, far below the speed of the wave. Defaults to 0.1.
     law : force law
         F = A ξ^p without damping, p from 1.1 to 8, the same in all pairs.
     at : float
         Position of the force peak, between the balls `at` - 1/2 and `at` + 1/2, counted from 0. Its distance from both
-        ends of the row is at least 5.
+        ends of the row is at least 5. Defaults to 6.
     radius : float
-        Radius of a ball in m.
+        Radius of a ball in m. Defaults to 0.009525.
     density : float
-        Density in kg/m³ (steel).
+        Density in kg/m³. Defaults to 8027 (steel).
 
     Returns
     -------

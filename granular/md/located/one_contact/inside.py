@@ -203,7 +203,7 @@ def join_current_event(s: Any, c: int) -> None:
     """Let a contact that was solved as one event take part in the current event.
 
     The event may disturb the contact of pair `c`, which has been integrated up to now after `restart_contact`. Balls,
-    flanks, contact log and energy balance contained the result of the whole contact. They are set to the present state.
+    flanks, contact log and energy balance contained the result of the whole contact. They are set to the current state.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = time_since(pair, run.t, run.tail)
@@ -243,7 +243,7 @@ def correct_balls_and_flanks(s: Any, c: int, xi: float, eta: float) -> None:
     """Set the balls and the flanks of pair `c` to their state at the current event.
 
     Their records contained the free motion after the contact. `xi` and `eta` are the overlap and the rate of this
-    motion minus the present overlap and rate of the pair.
+    motion minus the current overlap and rate of the pair.
     """
     run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
     low, high = member.lower / member.inverse, member.upper / member.inverse

@@ -187,7 +187,7 @@ def find_loads_in_flight(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> 
 def add_common_force(pairs: Any, pool: Any, a: int, b: int) -> bool:
     """Add a common force to the loads of the pairs a … b-1 between two walls.
 
-    The force is chosen so that the static overlaps have the same sum as the present overlaps. Always returns True.
+    The force is chosen so that the static overlaps have the same sum as the current overlaps. Always returns True.
     """
     total, low, high = 0.0, -math.inf, 0.0
     for c in range(a, b):

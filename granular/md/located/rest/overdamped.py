@@ -11,8 +11,8 @@ is an equation of first order, whose series has steps as long as the time scale 
 accelerations a and thus the next forces. Each iteration reduces the error by the ratio of both time scales.
 
 `examine_island` tests an island that may be at rest. It returns whether rest is proved, and computes the piece of an
-island that lies still or creeps. The event loop stops for this test (`WANTS_LOOK`), so that this module is compiled
-only when it is needed.
+island that lies still or creeps. The event loop stops for this test (`WANTS_REST_TEST`), so that this module is
+compiled only when it is needed.
 """
 
 from __future__ import annotations

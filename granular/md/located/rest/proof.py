@@ -196,7 +196,7 @@ def postpones_creep_test(pairs: Any, pool: Any, lo: int) -> bool:
 def is_overdamped(pair: Any) -> bool:
     """Return whether a pair without load is damped strongly enough for creep.
 
-    The damping is taken at its present overlap. A pair under a load requires a stronger damping.
+    The damping is taken at its current overlap. A pair under a load requires a stronger damping.
     """
     if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
         return False
@@ -320,7 +320,7 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, direction: int)
     Returns
     -------
     reach, v, fall, size : float
-        Distance in m from the present surface to the hull, velocity in m/s and downward acceleration in m/s² of the
+        Distance in m from the current surface to the hull, velocity in m/s and downward acceleration in m/s² of the
         wall or mass centre. `size` is the mean magnitude of the accelerations in m/s², for a bound of rounding errors.
     """
     first = c if direction < 0 else c + 1
