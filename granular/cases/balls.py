@@ -82,7 +82,7 @@ BALLS = {
 }
 """Balls by name, see `granular.balls`.
 
-The restitution of steel and glass, and all values of the volleyball, are from memory.
+The restitution of steel and glass, and all values of the volleyball, are estimates without a source.
 """
 
 PRESETS = (

@@ -10,9 +10,10 @@ takes ``--material steel --law TsujiHertz`` instead of a stiffness.
 
 **The numbers describe a kind of material, not your ball.** Source of the ranges: the tables of moduli, Poisson's ratios
 and densities of J. M. Gere, *Mechanics of Materials* (appendix H). Each number lies inside its range and belongs to the
-commonest sort. E of metals is accurate to a few per cent, of glass to a fifth. E of nylon and rubber also depends on
-rate, temperature and (nylon) moisture, so that a static value is too low for an impact. Such tables do not contain ε,
-which depends on speed and size and has to be measured. For some whole balls see `granular.balls`.
+commonest sort. Young's moduli of metals are accurate to a few per cent, of glass to a fifth. Young's moduli of nylon
+and rubber also depend on rate, temperature and (nylon) moisture, so that a static value is too low for an impact. Such
+tables do not contain ε, which depends on speed and size and has to be measured. For some whole balls see
+`granular.balls`.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ brass = Material(100e9, 0.34, 8500.0, (96e9, 110e9))
 aluminium = Material(70e9, 0.33, 2700.0, (70e9, 79e9))
 """Aluminium alloys. Alloys with copper or zinc have 72 to 73 GPa."""
 nylon = Material(2.8e9, 0.40, 1100.0, (2.1e9, 3.4e9))
-"""Dry nylon 6-6 at room temperature. E of moist, warm nylon is less than half."""
+"""Dry nylon 6-6 at room temperature. The modulus of moist, warm nylon is less than half of this value."""
 rubber = Material(2e6, 0.48, 1100.0, (0.7e6, 4e6))
 """Soft rubber under slow strain. Hard sorts have up to 100 MPa.
 

@@ -295,9 +295,7 @@ def case_without_contacts(name: str, of_scene: Mapping[str, Any], t_end: float |
 def with_contacts(name: str, case: Case, **of_contact: Any) -> Case:
     """Return `case` with its force laws and its collision rule.
 
-    `case` is a result of `case_without_contacts`.
-
-    `of_contact` has options of the contacts, such as `restitution`.
+    `case` is a result of `case_without_contacts`. `of_contact` has options of the contacts, such as `restitution`.
     """
     template = _template_named(name)
     if {"material", "stiffness"} <= of_contact.keys():

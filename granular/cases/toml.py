@@ -55,15 +55,15 @@ def load(path: str | PathLike[str]) -> Case:
             gap = [0.5, 1e-4]            # or: position, of centres and walls
             velocity = [0.0, 0.0, 0.0]
             gravity = 9.81
-            floor = { type = "Sine", amplitude = 1e-3, frequency = 50.0 }      # or gamma; a ceiling likewise; see below
+            floor = { type = "Sine", amplitude = 1e-3, frequency = 50.0 }      # or gamma; ceiling has the same keys
             external_force = [0.0, 0.0, -1.0]                                  # N
 
             [law]                        # one for all pairs, or [[law]] once per pair, bottom to top
             type = "LinearDashpot"
-            restitution = 0.7            # also of hard spheres; or: gamma; keys are those of the law and its from_…
+            restitution = 0.7            # also of hard spheres; keys are arguments of the law or of its from_…
             k = 5e7
 
-            [rule]                       # best left out: then hard spheres get the restitution of the laws
+            [rule]                       # usually omitted: hard spheres then have the restitution of the laws
             type = "ConstantRestitution"
             restitution = 0.7
 

@@ -21,10 +21,10 @@ def three_balls(
     radii: Sequence[float] = (0.10, 0.01), gap: float = 1e-4, height: float = 0.6, density: float = 900.0,
     gravity: float = 9.81,
 ) -> Scene:
-    """Two balls, one above the other, dropped on a floor: the scene of the paper.
+    """Two balls, one above the other, dropped on a floor (Müller & Pöschel 2011).
 
-    The floor counts as the third ball. Both balls are released from rest. Pair 0 is the floor and the lower ball, pair
-    1 the two balls (Müller & Pöschel 2011, Fig. 1).
+    The floor counts as the third ball, as in Fig. 1 of the paper. Both balls are released from rest. Pair 0 is the
+    floor and the lower ball, pair 1 the two balls.
 
     Parameters
     ----------
@@ -270,6 +270,6 @@ def above_floor(
         Motion of the floor.
     """
     n = len(mass)
-    velocity = [0.0] + [0.0 - speed] * n  # not -speed, which makes -0.0 of rest
+    velocity = [0.0] + [0.0 - speed] * n  # not -speed, which would be -0.0 at rest
     gaps = [drop, *gaps_of(gap, n - 1)]
     return in_order(Scene([math.inf, *mass], [0.0, *radius], gaps, velocity, gravity, floor=plate))
