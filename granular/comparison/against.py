@@ -82,7 +82,7 @@ class Against:
         values = [["last common sample", "t, s", "theirs", "hard", "soft"],
                   *([f"velocity of ball {i}, m/s", *self._last(self.velocity[..., i])] for i in shown),
                   *([f"gap {scene.pairs.name(c)}, m", *self._last(self.gap[..., c])] for c in pairs)]
-        rows = [["velocity minus that of", "U, m/s", "last, U", "largest, U", f"beyond {ERROR_LIMIT} U"],
+        rows = [["velocity difference from", "U, m/s", "last, U", "largest, U", f"beyond {ERROR_LIMIT} U"],
                 *([f"ball {i}, {engine}", f"{self.unit[i]:.3g}", *self._differences(apart[:, i])]
                   for i in shown for engine, apart in engines.items())]
         hidden = len(balls) - len(shown)
@@ -97,7 +97,7 @@ class Against:
         return [f"{number:.6g}" for number in (self.time[k], *values[:, k])]
 
     def _differences(self, apart: check.Array) -> list[str]:
-        """Last and largest difference of a ball, and when it exceeds the limit, as text.
+        """Last and largest difference of a ball, and time above the limit, as text.
 
         The limit is `ERROR_LIMIT`. If the ball agrees until a run stopped early, the text contains the time of the last
         compared sample.

@@ -41,7 +41,7 @@ from granular.scene.walls.motion import ends
 FOLLOWED_DURATIONS = 20.0
 """Limit on the time for which an unfinished contact is followed.
 
-In durations of an isolated contact of the same pair.
+It is in units of the duration of an isolated contact of the same pair.
 """
 MIN_COLLISION_LIMIT = 100_000
 """Smallest limit on the collisions of a continued hard run.
@@ -49,7 +49,7 @@ MIN_COLLISION_LIMIT = 100_000
 Near a shaken wall a continued run may have many more collisions than the original run.
 """
 END_MARGIN = 1e-9
-"""Margin of the end time of two compared hard runs, over their length."""
+"""Margin of the end time of two compared hard runs, relative to their length."""
 CONTINUABLE_STATUSES = (Status.time, Status.until)
 """Statuses of runs that can be continued."""
 TIE_RULES_TO_TRY = ("left", "right", "poisson")
@@ -57,7 +57,7 @@ TIE_RULES_TO_TRY = ("left", "right", "poisson")
 MAX_BODIES_FOR_POISSON = 1000
 """Maximum number of bodies for Poisson's rule, whose cost is quadratic in it."""
 COLLISION_LIMIT_FACTOR = 10
-"""Limit on the collisions of a checking run, over those of the original run."""
+"""Limit on the collisions of a checking run, relative to the original run."""
 
 
 def equalize_counts(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
@@ -372,7 +372,7 @@ def _restart_from_last_sample(run: Trajectory, end: float, options: Mapping[str,
     scene, now = run.scene, float(run.time[-1])
     if scene.heated or has_memory(run):
         return run
-    velocity = np.where(scene.is_wall, scene.velocity, run.velocity[-1])  # walls add how they are shaken
+    velocity = np.where(scene.is_wall, scene.velocity, run.velocity[-1])  # the scene adds the motion of driven walls
     rest = scene.replace(gap=run.gap[-1], velocity=velocity, origin=float(run.position[-1][0]))
     later = md.simulate(rest, run.law, t_start=now, t_end=end, **options).contacts
     log, kept = run.contacts.copy(), np.ones(len(later), np.bool_)

@@ -7,7 +7,7 @@ answer:
 ================  ====================================================================================================
 no                hard spheres collide forever where soft spheres separate; or nothing collides, and soft spheres sink
 not_unique        a ball leaves with another velocity under another tie rule, or from the shifted gaps
-not_ball_by_ball  hard spheres diverge from those with the shifted gaps, so single balls cannot be predicted
+not_ball_by_ball  hard spheres diverge from the run with shifted gaps, so single balls cannot be predicted
 undecided         a soft contact had not ended when its run stopped, and cannot be continued
 no                other numbers of contacts, an error above `ERROR_LIMIT`, or soft spheres at rest that sink
 undecided         another tie rule, or the run from the shifted gaps, was refused or stopped early
@@ -166,7 +166,7 @@ class Checked(ComparedRuns):
         return differences(*self._shifted)
 
     def _with_hard_run(self, run: Trajectory) -> tuple[Trajectory, Trajectory]:
-        """Return a hard run and the one of the report, ready to be compared.
+        """Return a hard run and the hard run of the report, ready to be compared.
 
         See `_shifted`.
         """
@@ -186,7 +186,7 @@ class Checked(ComparedRuns):
             try:
                 first = edmd.simulate(self.scene, self.rule, **options)
                 if name == "poisson" and "verdict" in first.stats:
-                    continue  # it cannot be carried on: this rule is not defined for balls that stick
+                    continue  # cannot be continued: this rule is not defined for balls that stick
                 run = self._carried_on(first, options)
             except (ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
                 runs[name] = "refused the scene"
@@ -388,8 +388,9 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
 
 
 def _endless_collisions_text(report: Checked, pairs: Sequence[int]) -> str:
-    """Reason for hard spheres that collide forever while soft ones separate, or "".
+    """Reason for hard spheres that collide forever where soft ones separate, if any.
 
+    Otherwise the result is an empty string.
     """
     hard = report.hard
     if "verdict" not in hard.stats:

@@ -29,7 +29,7 @@ from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 
 LONG_FLIGHT = 5.0
-"""Shortest free flight that is compared, over the duration of the last contact."""
+"""Shortest compared free flight, relative to the duration of the last contact."""
 
 
 @dataclass(frozen=True)

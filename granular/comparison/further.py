@@ -28,12 +28,12 @@ from granular.run.until import Separated
 from granular.scene import Scene, speed_scale
 
 ROOT_ROUNDING_ERROR = 1e-14
-"""Values are zero if they are smaller than this fraction of the largest value.
+"""Fraction of the largest value below which a value counts as zero.
 
 A function that jumps near its root may have no change of sign there.
 """
 MERGING_SPEED_FACTOR = 1e-4
-"""Speed below which hard spheres stick in a continued run, over the impact speed."""
+"""Speed below which hard spheres stick, relative to the impact speed."""
 MAX_FALL_TIMES = 1000.0
 """Limit on the time to an apex, in fall times."""
 MAX_EVENTS_PER_RUN = 3000
@@ -216,7 +216,7 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
 
 
 def _apex_of_last_flight(run: Trajectory, bounce: int) -> tuple[float, float] | None:
-    """Time in s and height in m of the apex of the top ball's present flight, or None.
+    """Time in s and height in m of the apex of the top ball's current flight, or None.
 
     At the end of the run, the ball is at height y and has the velocity v. The apex of its flight is at H = y + v²/(2
     g). If the apex is after the end of the run, the ball below must not reach the top ball before. This is certain if

@@ -229,7 +229,7 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     contact with the wall). Here ω₀ = √(∂F/∂ξ / m_eff) at the overlap expected for this speed.
 
     Δh·ω₀/v compares the time Δh/v in which a gap between two balls closes with the duration π/ω₀ of a contact. ω₀ is
-    the value of the slower neighbouring pair, whose contact ends before the gap has closed for values above about π.
+    the value of the slower neighbouring pair. Above about π, the contact of this pair ends before the gap has closed.
     g/(ω₀ v) compares gravity with the contact force. The last two groups are the larger values of the harmonically
     shaken walls, and nan without such a wall. Values are also nan if the balls do not meet.
     """
@@ -275,7 +275,7 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     run : Trajectory
         Run of hard or soft spheres, with its contact log.
     pair : int
-        0 for the floor, ``scene.n_pairs - 1`` for the ceiling.
+        0 for the floor, ``scene.n_pairs - 1`` for the ceiling. Defaults to 0.
 
     Returns
     -------
@@ -331,7 +331,7 @@ def balance(run: Trajectory) -> dict[str, float]:
 
     The keys are "start" and "end" (energy), "floor" and "ceiling" (work of the walls on the balls), "heat" (from both
     walls), "dissipated" (energy), and "remainder" = end - start - floor - ceiling - heat + dissipated. The remainder is
-    rounding error. Terms that the run did not record are nan; see `Trajectory.account`.
+    rounding error. Terms that the run did not record are nan, see `Trajectory.account`.
     """
     account = run.account()
     work, heats, losses = (account[name][-1] - account[name][0] for name in ("work", "heat", "dissipated"))

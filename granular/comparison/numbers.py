@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from granular.comparison.further import Rises
 
 STICKING_SPEED_FACTOR = 1e-9
-"""Speed up to which hard spheres stick after a collapse, over the fastest one."""
+"""Speed up to which hard spheres stick, relative to the fastest approach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ class ComparedRuns:
             Function of a trajectory that returns a number. Defaults to the separation speed of the last pair after its
             last contact.
         resolution : int
-            Number of values of ε at which EDMD is run to find sign changes.
+            Number of values of ε at which EDMD is run to find sign changes. Defaults to 41.
 
         Returns
         -------
@@ -260,7 +260,7 @@ class ComparedRuns:
 
     @cached_property
     def _departures(self) -> tuple[Departures, check.Array, Any]:
-        """All departures; and the largest error of each component with its departure.
+        """All departures, and the largest error of each component with its departure.
 
         The second array has the errors in the unit U, (count,). The third array has the numbers of the departures.
         """

@@ -73,7 +73,7 @@ class PairOutcome:
     pair : int
         Number of the pair.
     hard_contacts, soft_contacts : int
-        Number of contacts, without those at rounding level (`granular.comparison.outcome.without_weak_contacts`).
+        Number of contacts above rounding level, see `granular.comparison.outcome.without_weak_contacts`.
     hard_v_rel, soft_v_rel : float
         Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact. nan without contacts, and for a
         contact without end.
@@ -226,7 +226,8 @@ def combine_simultaneous(hard: Trajectory) -> Trajectory:
     body, k = np.column_stack(hard.scene.bodies(log["pair"])).ravel(), np.repeat(rows, 2)
     by_body = np.lexsort((k, instant[k], body))
     ends = np.append((np.diff(body[by_body]) != 0) | (np.diff(instant[k][by_body]) != 0), True)
-    final = by_body[np.flatnonzero(ends)[np.cumsum(np.append(False, ends[:-1]))]]  # its body's last of the instant
+    # the last collision of its body at this time
+    final = by_body[np.flatnonzero(ends)[np.cumsum(np.append(False, ends[:-1]))]]
     after.ravel()[by_body] = log["v_out"].ravel()[final]
     order = np.lexsort((rows, instant, log["pair"]))
     is_repeated = np.append(False, (np.diff(log["pair"][order]) == 0) & (np.diff(instant[order]) == 0))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Remedies", "Remedy"]
 SLOW_SPEED_FACTOR = 0.01
-"""Default speed for merging and elastic collisions, over the fastest approach."""
+"""Default speed of merging and elastic cut-off, relative to the fastest approach."""
 MAX_TC_DURATIONS, TC_STEP_FACTOR, TC_COUNT, TC_HALVINGS = 10.0, 10.0**0.5, 9, 11
 """Search for tc: it starts at ten contact durations and decreases by a factor √10.
 
@@ -70,7 +70,7 @@ class Remedies(Report):
         The observable.
     rows : tuple of Remedy
         Soft spheres, hard spheres without a remedy, and hard spheres with each remedy. If hard spheres are not right
-        without a remedy, also the TC model with the value of tc that comes nearest to soft spheres.
+        without a remedy, the last row is the TC model with the value of tc that comes nearest to soft spheres.
     tc : float
         A value of tc in s with which the TC model is right: its observable differs from the value of soft spheres by at
         most 0.01 for E/E0, otherwise by at most 0.01 of the value. It is searched from ten contact durations down to a
@@ -92,13 +92,13 @@ class Remedies(Report):
 
     @property
     def _headline(self) -> str:
-        """Results of Newton's rule and of the remedy nearest to soft spheres."""
+        """Results of the soft spheres and of the remedy nearest to them."""
         newton, *others = self.rows
         near, last = min(others[:5], key=lambda row: float(f"{_distance_from_soft(row, newton):.3g}")), others[-1]
-        right = "is right" if self.tc == last.setting else "comes nearest, none is right"
-        return (f"Newton has {self.what} = {number(newton.value, '.4g')}; nearest: {near.name}, "
-                f"{number(near.value, '.4g')}. " + (f"Of all tc {last.setting:.3g} s {right}." if self.tc else
-                                                    "No tc is needed for that."))
+        right = "is right" if self.tc == last.setting else "comes nearest, but none is right"
+        return (f"Soft spheres have {self.what} = {number(newton.value, '.4g')}; nearest: {near.name}, "
+                f"{number(near.value, '.4g')}. " + (f"Of all tc, {last.setting:.3g} s {right}." if self.tc else
+                                                    "No tc is required."))
 
     def _numbers(self) -> dict[str, Any]:
         return {**problem(self.report), "what": self.what, "rows": list(map(asdict, self.rows)), "tc": self.tc}
@@ -146,7 +146,7 @@ def remedies_table(
 
 
 def _run_with_remedy(report: ComparisonWithAnswer, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
-    """Run the hard spheres with one remedy instead of those of the comparison.
+    """Run the hard spheres with one remedy, without the remedies of the comparison.
 
     The number of collisions is limited to ten times the events, soft contacts and bodies of the comparison.
 

@@ -45,8 +45,8 @@ class Comparison(ComparisonWithAnswer, Report):
     pairs : tuple of PairOutcome
         Numbers of contacts and separation speeds of each pair.
     twin : Trajectory
-        Second event-driven run, from gaps shifted by a relative 1e-12. It shows whether the scene can be predicted.
-        It is computed when first used, and stops at ten times the number of collisions.
+        Second event-driven run, from gaps shifted by a relative 1e-12. It shows whether the scene can be predicted. It
+        is computed when first used, and stops after ten times the number of collisions of the hard run.
     continued : (2,) tuple of Trajectory
         Both runs, continued until every pair has the same number of contacts if possible, and every contact has
         ended. Contacts at rounding level are left out.
@@ -155,8 +155,8 @@ class Comparison(ComparisonWithAnswer, Report):
         ----------
         times : (K,) array, optional
             Times of the bounces in s, on any clock. The offset of the clock is the median difference from one engine,
-            if this reduces the differences by a factor of four. An engine with one bounce only is used if both are
-            like that.
+            if this reduces the differences by a factor of four. An engine with only one bounce is used only if the
+            other engine has only one bounce as well.
         heights : (L,) array, optional
             Heights in m of the apexes of `ball` after each bounce, above the floor with radii subtracted, see `rises`.
         ball : int
@@ -198,12 +198,14 @@ class Comparison(ComparisonWithAnswer, Report):
             A ``.gif`` file, or an ``.mp4`` file if ffmpeg is installed.
         seconds : float
             Duration in s of the part that shows the contacts. The fall, the stop and the flight are added to it.
+            Defaults to 7.
         fps : int
-            Frames per second.
+            Frames per second. Defaults to 25.
         whole : bool
-            If False, the film shows only the contacts in slow motion and lasts `seconds`.
+            If False, the film shows only the contacts in slow motion and lasts `seconds`. Defaults to True.
         charts : bool
-            If False, charts and parameters are omitted: the film shows the balls, and a ruler if they fall.
+            If False, charts and parameters are omitted: the film shows the balls, and a ruler if they fall. Defaults
+            to True.
         """
         from granular.comparison import film
 
@@ -249,35 +251,36 @@ def compare(
     max_events : int, optional
         Maximum number of contacts of each run. Defaults to 1 000 000.
     ties : str
-        Tie rule for simultaneous hard-sphere collisions, see `granular.edmd.simulate`.
+        Tie rule for simultaneous hard-sphere collisions, see `granular.edmd.simulate`. Defaults to "left".
     seed : int
-        Seed for ``ties="random"``.
+        Seed for ``ties="random"``. Defaults to 0.
     collapse : str
-        Treatment of an inelastic collapse of the hard spheres: "stop" or "merge", see `granular.edmd.simulate`.
+        Treatment of an inelastic collapse of the hard spheres: "stop" (default) or "merge", see
+        `granular.edmd.simulate`.
     merge_below : float, optional
         Speed in m/s for ``collapse="merge"``.
     tc : float
-        Contact duration in s of the TC model of the hard spheres. 0 disables it. See `granular.edmd.simulate`, and
-        `Comparison.remedies` for all remedies side by side.
+        Contact duration in s of the TC model of the hard spheres. The default 0 disables it. See
+        `granular.edmd.simulate`, and `Comparison.remedies` for all remedies side by side.
     elastic_below : float
-        Speed in m/s below which hard collisions are elastic. 0 disables it.
+        Speed in m/s below which hard collisions are elastic. The default 0 disables it.
     method : str, optional
         Integrator of the soft spheres: "located" (events located to rounding error, the default) or the name of a
         fixed-step integrator.
     dt : float, optional
         Time step in s of a fixed-step integrator.
     engine : str
-        "auto", "plain" or "compiled", for the soft spheres.
+        "auto" (default), "plain" or "compiled", for the soft spheres, see `granular.md.simulate`.
     on_progress : callable, optional
         ``on_progress(reached, count)`` is called by both engines, one after the other, with the time reached in s and
         the number of contacts so far.
     progress : bool
-        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
+        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
 
     Returns
     -------
     Comparison
-        Both runs with the answer, its reasons and all measures. They are computed when they are first used.
+        Both runs with the answer, its reasons and all measures, which are computed when they are first used.
 
     Raises
     ------

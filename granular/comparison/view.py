@@ -89,7 +89,7 @@ class Closeup:
     Attributes
     ----------
     pair : int
-        Pair of balls whose soft spheres touch most often while contacts overlap in time. Of pairs with equally many
+        Pair of balls whose soft spheres touch most often while contacts overlap in time. Among pairs with equally many
         contacts it is the upper one.
     view : View
         Interval of the contacts that overlap in time, with a margin.
@@ -141,7 +141,7 @@ def closeup(view: View) -> Closeup | None:
     if not is_candidate.any():
         return None
     (groups, pairs), count = np.unique(np.array([group, log["pair"]])[:, is_candidate], axis=1, return_counts=True)
-    best = np.lexsort((-groups, pairs, count))[-1]  # most touches; of equals the upper pair, in its first spell
+    best = np.lexsort((-groups, pairs, count))[-1]  # most touches; among equals the upper pair, at its first occurrence
     pair, inside = int(pairs[best]), group == groups[best]
     touches = np.column_stack([onset, end_times])[inside & (log["pair"] == pair)]
     first, last = float(onset[inside].min()), float(min(end_times[inside].max(), end))

@@ -84,15 +84,15 @@ def test_the_tc_with_which_the_energy_is_that_of_newton(mean, seed, right):
     if right is None:
         assert (table.tc, len(table.rows)) == (0.0, 6)
         assert abs(table.rows[1].value - newton) <= 0.01
-        assert str(table).splitlines()[0].endswith("No tc is needed for that.")
+        assert str(table).splitlines()[0].endswith("No tc is required.")
         return
     assert last.value == pytest.approx(
         left(gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), tc=last.setting)), rel=1e-12)
     assert abs(last.value - newton) <= min(abs(one.value - newton) for one in table.rows[1:])
     assert (abs(last.value - newton) <= 0.01) is right
     assert table.tc == last.setting if right else math.isnan(table.tc)
-    said = "is right" if right else "comes nearest, none is right"
-    assert str(table).splitlines()[0].endswith(f"Of all tc {last.setting:.3g} s {said}.")
+    said = "is right" if right else "comes nearest, but none is right"
+    assert str(table).splitlines()[0].endswith(f"Of all tc, {last.setting:.3g} s {said}.")
 
 
 @pytest.mark.soak
@@ -190,7 +190,7 @@ def test_words_html_and_json(crowded, tmp_path, capsys):
     assert [row["name"] for row in kept["rows"]] == [row.name for row in table.rows]
     assert kept["scene"]["mass"][0] == "inf"
     assert main(["compare", "column", "--n", "3", "--remedies"]) == 0
-    report, _, rest = capsys.readouterr().out.partition("\n\nNewton has E/E0 = ")
+    report, _, rest = capsys.readouterr().out.partition("\n\nSoft spheres have E/E0 = ")
     assert report.endswith("report.details().")
     assert "\nsticky " in rest
 

@@ -104,7 +104,7 @@ def test_it_is_said_from_when_on_for_both_engines_and_up_to_when_for_one_that_st
     times = np.linspace(0.0, 3.0, 31)
     ours = gr.md.simulate(scene, report.law, t_end=3.0, samples=times)
     lines = str(report.against(ours)).splitlines()
-    table = lines.index("velocity minus that of  U, m/s  last, U  largest, U  beyond 0.01 U")
+    table = lines.index("velocity difference from  U, m/s  last, U  largest, U  beyond 0.01 U")
     apart = report.against(ours).hard
     row = int(np.flatnonzero(np.isfinite(apart[:, 1]))[-1])
     late = times[np.flatnonzero(np.abs(apart[:, 1]) > 0.01)[0]]
