@@ -109,8 +109,8 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
     law : force law, or two force laws
         Linear in both pairs (trait ``linear(pair) -> (k, gamma)``).
     max_steps : int
-        Work limit, in steps of `granular.md.simulate`. Few steps are needed, except if a stiff or strongly over-damped
-        upper contact lasts as long as a soft floor contact.
+        Work limit, in steps of `granular.md.simulate`. Defaults to 200 000. Few steps are needed, except if a stiff or
+        strongly over-damped upper contact lasts as long as a soft floor contact.
 
     Raises
     ------

@@ -151,7 +151,7 @@ def _check_call(model: Any, names: list[str]) -> None:
         raise ValueError(check.must("parameters", "a mapping with at least one parameter", "an empty mapping"))
     try:
         signature = inspect.signature(model)
-    except ValueError:  # some builtins have none
+    except ValueError:  # some builtins have no signature
         return
     try:
         signature.bind(**dict.fromkeys(names))

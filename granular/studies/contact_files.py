@@ -144,7 +144,7 @@ def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = Non
     if not sum(len(block) for _, block in blocks):
         raise ValueError(must("path", "a dump local of LAMMPS with contacts", f"{name!r} without any"))
     steps, rows = np.array([at for at, _ in blocks]), np.concatenate([block for _, block in blocks])
-    check.every("TIMESTEP", steps, np.diff(steps, prepend=-1) > 0, "larger than the one before it")
+    check.every("TIMESTEP", steps, np.diff(steps, prepend=-1) > 0, "larger than the entry before it")
     frame = np.repeat(np.arange(len(blocks)), [len(block) for _, block in blocks])
     ids, length = np.array([rows["id1"], rows["id2"]]), None
     if ids.min() < 1:

@@ -130,7 +130,7 @@ class Tried:
 @check.face
 @dataclass(frozen=True, repr=False)
 class Stability(Report):
-    """Result of `stability`. Print it, draw it with `plot`, save it with `to_json`.
+    """Result of `stability`. Print it, draw it with `plot`, or save it with `to_json`.
 
     Attributes
     ----------
@@ -249,18 +249,18 @@ def stability(
     scene : str, path, callable, Case or Scene
         The scene, as in `granular.sweep`.
     axes : str or sequence of str
-        Extremes to test, each for itself. "stiffness": k × 1e2, 1e4, 1e6, 1e8. γ is scaled such that impacts keep their
-        restitution: as k^½ for a dashpot, as k^((1+d)/(p+1)) for k ξ^p + γ ξ^d ξ̇. The contact forces at the start do
-        not change. "gap": gaps between balls × 1e-3, 1e-6, 0. "damping": γ or α × 0, 0.1, 10, 100. "mass": mass of
-        every second ball × 1e-3, 1e3, 1e6.
+        Extremes to test, one at a time. Defaults to all. "stiffness": k × 1e2, 1e4, 1e6, 1e8. γ is scaled such that
+        impacts keep their restitution: as k^½ for a dashpot, as k^((1+d)/(p+1)) for k ξ^p + γ ξ^d ξ̇. The contact
+        forces at the start do not change. "gap": gaps between balls × 1e-3, 1e-6, 0. "damping": γ or α × 0, 0.1, 10,
+        100. "mass": mass of every second ball × 1e-3, 1e3, 1e6.
     methods : str or sequence of str
-        Methods to test, from located, verlet, symplectic-euler, rk4, gear5.
+        Methods to test, from located, verlet, symplectic-euler, rk4, gear5. Defaults to all of them.
     error : float
-        Maximum error of velocities, in units of the impact speed, of a right result.
+        Maximum error of velocities, in units of the impact speed, of a right result. Defaults to 0.01.
     on_progress : callable, optional
         ``on_progress(reached, count)`` is called after each run with the fraction of finished runs and their number.
     progress : bool
-        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
+        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     **fixed
         Parameters of the scene, as in `granular.sweep`.
 

@@ -70,8 +70,8 @@ def frontier(
         Methods to measure, from located, verlet, symplectic-euler, rk4, gear5, edmd, dop853, lsoda, radau,
         dop853+events, lsoda+events, radau+events. Defaults to all. The last six are methods of SciPy.
     repeats : int
-        Maximum number of runs of each setting, of which the fastest counts. A setting is not repeated after a total
-        time of 0.05 s. Each method first runs once at its cheapest setting, which is not timed.
+        Maximum number of runs of each setting, of which the fastest counts. Defaults to 3. A setting is not repeated
+        after a total time of 0.05 s. Each method first runs once at its cheapest setting, which is not timed.
     reference : Reference, optional
         Solution of the same scene, law and stop condition. Defaults to `granular.studies.reference.solve`: SciPy's
         DOP853 restarted at events, whose reported error is 4e-12 to 7e-10 of the impact speed. Smaller errors are not
@@ -80,7 +80,7 @@ def frontier(
         ``on_progress(reached, count)`` is called after each setting of a method, with the fraction of finished settings
         and their number.
     progress : bool
-        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
+        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
 
     Returns
     -------

@@ -72,7 +72,7 @@ def solve(
     until, t_end : stop condition, float, optional
         Stop condition and end time in s. One of them is required if the motion never ends.
     t_start : float
-        Time in s of the initial state.
+        Time in s of the initial state. Defaults to 0.
 
     Returns
     -------
@@ -323,7 +323,7 @@ class Restarted(Newton):
         from scipy.integrate import solve_ivp
 
         self.zero, events = self.t, [partial(self.event, watch) for watch in watches]
-        if self.t >= self.edge:  # no step sees what has happened by a jump of a velocity
+        if self.t >= self.edge:  # events caused by a velocity jump are not roots within a step
             for watch, event in zip(watches, events, strict=True):
                 if event(0.0, self.y) > 0.0:
                     return watch
@@ -347,13 +347,13 @@ class Restarted(Newton):
         return float(watch.sign * (self.read(self.zero + t, y, watch.pair, watch.quantity) - watch.level))
 
     def record_event(self, c: int, event: str) -> None:
-        """Update overlap and memory of pair c for the event `what`.
+        """Update overlap and memory of pair c for the event `event`.
 
         The overlap is set to zero at touch and separation. For laws with memory, the largest overlap is stored.
         """
         if event in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0
-            self.y[c] = -self.now(c, "overlap")  # what a driven wall has added
+            self.y[c] = -self.now(c, "overlap")  # minus the displacement of a driven wall
         if event == "turn":
             self.deepest[c], self.loading[c] = max(self.deepest[c], self.now(c, "overlap")), not self.loading[c]
         elif event == "part":
@@ -372,7 +372,7 @@ class Restarted(Newton):
         neighbour = c + 1 if wall.side == 0 else c - 1
         if 0 <= neighbour < n:
             self.y[n + neighbour] += speed_change
-        self.edge = self.t  # what now pushes or parts does so without a change of sign
+        self.edge = self.t  # forces that begin or end now do so without a change of sign
 
     def account(self) -> None:
         """Return None: no energy balance is recorded."""

@@ -145,7 +145,7 @@ def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
     The parabola is p_0 + p_1 x + p_2 x². `mp` is an mpmath context, or `math` for floats.
     """
     c, b, a = p
-    if c == 0 and b < 0:  # the root at 0 has been dealt with
+    if c == 0 and b < 0:  # the root at 0 is already processed
         return -b / a if a > 0 else None
     if c > 0 or (c == 0 and (b > 0 or a > 0)):
         return 0 * c
@@ -386,7 +386,7 @@ class Run:
         """Apply the event `what` to pair c. Return whether it meets the stop condition.
 
         A contact begins at "touch" (an open pair closes) and at "begin" (the force begins in a pair that already
-        touches or overlaps). If the stop condition asks for this contact, True is returned and the contact is not
+        touches or overlaps). If it is the contact of the stop condition, True is returned and the contact is not
         recorded. The other events are "turn" (the law changes its branch), "release" (the force ends, the overlap
         remains) and "part" (the overlap ends).
         """

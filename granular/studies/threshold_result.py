@@ -110,7 +110,8 @@ def error(case: Case, limit: float) -> tuple[str, float, str]:
     report = Answer(case).report
     if report.answer is Judgement.undecided:
         return UNDECIDED, math.nan, report.verdict
-    if report.error <= ERROR_LIMIT and report.answer is not Judgement.yes:  # small, but for another reason it is no yes
+    # a small error, but another reason against "yes"
+    if report.error <= ERROR_LIMIT and report.answer is not Judgement.yes:
         return FAILS, report.error, report.verdict
     return HOLDS if report.error <= limit else FAILS, report.error, f"error {report.error:.3g}"
 

@@ -54,28 +54,29 @@ def threshold(
         The scene, as in `granular.sweep`.
     over : str
         The parameter, as in `granular.sweep`: gap, stiffness, gap[1], law.k, ... Integer parameters are scanned at
-        integer values only.
+        integer values only. Defaults to "gap".
     between : two floats, optional
         First and last value of the scan, in SI units. Defaults to 1e-6 and 1e-2 m for a gap.
     criterion : {"isolated", "error"}
         "isolated": hard spheres are valid if every contact of the soft run is isolated up to the stop condition.
-        "error": they are valid if the error of a comparison is at most `error`.
+        "error": they are valid if the error of a comparison is at most `error`. Defaults to "isolated".
     error : float
         Maximum error for the criterion "error", in units of the fastest impact. See `granular.Comparison.error`.
+        Defaults to 0.01.
     within : float
-        Width to which every crossing is bisected, relative to its value.
+        Width to which every crossing is bisected, relative to its value. Defaults to 0.01.
     points : int
-        Number of values of the scan. An interval with another verdict is missed if it lies between two neighbouring
-        values.
+        Number of values of the scan. Defaults to 40. An interval with another verdict is missed if it lies between two
+        neighbouring values.
     spacing : {"log", "linear"}
-        Spacing of the values.
+        Spacing of the values. Defaults to "log".
     run : mapping, optional
         Options of the engines, such as ``{"max_events": 1000}``.
     on_progress : callable, optional
         ``on_progress(reached, count)`` is called with the finished fraction of the work, as far as it is known, and the
         number of values tried.
     progress : bool
-        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
+        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     **fixed
         Other parameters, as in `granular.sweep`.
 

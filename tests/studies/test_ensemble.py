@@ -65,7 +65,8 @@ def test_an_ensemble_that_agrees_one_that_does_not_and_one_that_cannot_tell(thre
     assert few.answer is undecided
     q, = few.quantities
     needed = 6 * (q.reach / (q.margin - abs(q.difference))) ** 2
-    assert few.verdict.endswith(f"to tell that from {q.margin:.2g} takes about {float(f'{needed:.2g}'):g} draws.")
+    assert few.verdict.endswith(
+        f"deciding whether this exceeds {q.margin:.2g} requires about {float(f'{needed:.2g}'):g} draws.")
 
 
 def test_independent_draws_are_those_that_follow():

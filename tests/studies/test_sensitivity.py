@@ -72,7 +72,7 @@ def test_the_border_from_three_contacts_to_four():
     low, high = near.border["restitution"]
     assert high == pytest.approx(0.7981583625225836833, abs=2e-6)
     assert low < 0.75
-    assert f"There is a contact more or less from restitution = {low:.6g} downwards, from 0.79815" in str(near)
+    assert f"Nearest changes of a contact count: restitution = {low:.6g} below, 0.79815" in str(near)
     assert json.loads(json.dumps(near.to_dict()))["border"]["restitution"] == [low, high]
 
 
@@ -114,12 +114,13 @@ def test_what_is_not_given_is_said():
     out = gr.sensitivity(row, "v_final", ["velocity[1]", "mass[1]"])
     assert np.isnan(out.gradient["v_final"]["velocity[1]"]).all()
     assert np.isfinite(out.gradient["v_final"]["mass[1]"]).all()
-    assert out.why == {"velocity[1]": "the order of contacts is another just below and just above it"}
-    assert "Not given by velocity[1]: the order of contacts is another just below and just above it." in str(out)
+    assert out.why == {"velocity[1]": "the order of contacts differs just below and just above it"}
+    assert ("No derivative with respect to velocity[1]: the order of contacts differs just below and just above it."
+            in str(out))
     assert "–" in str(out)
     cut = gr.Case(row.scene, row.law, t_end=1.0, run={"max_events": 1})
     assert gr.sensitivity(cut, "v_final", "mass[1]").why == {
-        "mass[1]": "scenes beside it are refused, or come to no proper end"}
+        "mass[1]": "runs at neighbouring values are refused or do not end properly"}
 
 
 def test_draws_of_thermal_walls_are_held_fixed():

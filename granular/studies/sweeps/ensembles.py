@@ -160,7 +160,7 @@ class Ensemble(Report):
             Judgement.no: f"the means of {statement}, by more than {q.margin:.2g}",
         }.get(q.answer, f"{statement}; " + (
             f"{q.lacking} {'draw lacks' if q.lacking == 1 else 'draws lack'} a value of one engine" if q.lacking else
-            f"to tell that from {q.margin:.2g} takes " + (
+            f"deciding whether this exceeds {q.margin:.2g} requires " + (
                 f"about {rough_text(self.n * (q.reach / distance) ** 2)} draws" if distance > 0.0 else "more draws"
             ))) + "."
 
@@ -233,9 +233,10 @@ def ensemble(
         spheres. A mapping has margins by names of results, in their units. The default for missing names is 0.1
         standard deviations.
     seed : int
-        Seed of the draws.
+        Seed of the draws. Defaults to 0.
     independent : bool
-        Use n further draws for hard spheres. The means are then compared as two independent samples.
+        Whether to use n further draws for hard spheres. Defaults to False. The means are then compared as two
+        independent samples.
     executor, on_progress, progress
         As in `granular.sweep`. Soft spheres come first. Results are bitwise identical for any executor.
     **fixed

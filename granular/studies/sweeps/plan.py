@@ -301,7 +301,7 @@ def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
     def fill(draft: str) -> None:
         try:
             data.to_netcdf(draft, engine="netcdf4")
-        except (OSError, RuntimeError):  # of a full disk netCDF says that permission is denied, or "HDF error"
+        except (OSError, RuntimeError):  # netCDF reports a full disk as "permission denied" or "HDF error"
             files.check_disk_space(draft, data.nbytes)
             raise
 

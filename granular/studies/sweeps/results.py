@@ -97,7 +97,7 @@ RESULTS = {
                       lambda a: effective(a.v_rel[..., -1], a.impact), many="ended"),
     "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls",
                         lambda a: effective(a.v_rel[..., -1], a.impact) / a.eps, many="ended"),
-    "energy_left": Result("", "1", "E/E0, energy at the end over that at the start, soft",
+    "energy_left": Result("", "1", "E/E0, final over initial energy, soft",
                           lambda a: energy_left(a.soft)),
     "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(combine_simultaneous(a.hard)), -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
@@ -107,7 +107,7 @@ RESULTS = {
         "pair", "s", "end of the pair's last contact, hard", lambda a: separations(combine_simultaneous(a.hard))[1]
     ),
     "hard_time": Result("", "s", "end of the run, hard", lambda a: a.hard.time[-1]),
-    "hard_energy_left": Result("", "1", "E/E0, energy at the end over that at the start, hard",
+    "hard_energy_left": Result("", "1", "E/E0, final over initial energy, hard",
                                lambda a: energy_left(a.hard)),
     "hard_status": Result("", "1", "status of the hard run", lambda a: STATUS_CODES[a.hard.status.name], NOT_RUN,
                           meanings=STATUS_NAMES),

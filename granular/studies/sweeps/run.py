@@ -79,7 +79,7 @@ def sweep(
         Parameter along which jumps of the contact counts are bisected. It requires the result "contacts". The jumps are
         `edge`, `edge_contacts` along the dimension "jump". Windows narrower than the spacing of the grid can be missed.
     precision : float
-        Relative width to which jumps are bisected.
+        Relative width to which jumps are bisected. Defaults to 1e-6.
     save : path, optional
         A netCDF file for the result. It is written every half minute, at the end and on interruption. If it exists,
         only missing cells are solved.
@@ -98,7 +98,7 @@ def sweep(
         ``on_progress(reached, count)`` is called with two numbers. `reached` is the fraction of this call's cells that
         are solved. `count` is the number of all solved cells, including those of a file.
     progress : bool
-        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
+        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     **fixed
         Parameters that have the same value in all cells.
 
@@ -177,7 +177,8 @@ class _Job:
                 self.written(self.dataset())
         if (self.answers.columns["status"] == MISUSE_CODE).all():
             raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes.get(
-                "refusal", f"All cells of {self.save!r} were refused, and the file does not say why. Remove the file."))
+                "refusal", f"All cells of {self.save!r} were refused, and the file does not contain a reason. Remove the "
+                           "file."))
 
     def dataset(self) -> xarray.Dataset:
         """Return the results of all cells that have been solved as a data set."""
@@ -270,7 +271,7 @@ def bisect_jumps(axis: int, columns: Sequence[Values], grid: Values, shape: tupl
         failed[wide] = (there < 0).all(axis=1)
         there, wide = there[~failed[wide]], wide & ~failed
         halves = [(row[~wide], ends[~wide], found[~wide], failed[~wide])]
-        for side in (0, 1):  # those halves that hold a jump
+        for side in (0, 1):  # the halves that contain a jump
             end, count = ends[wide].copy(), found[wide].copy()
             end[:, 1 - side], count[:, 1 - side] = middle[wide], there
             has_jump = (count[:, 0] != count[:, 1]).any(axis=1)

@@ -155,7 +155,7 @@ def solve_in_batches(
     workers : int
         Number of threads of compiled calls without an executor.
     """
-    # cells run one by one, with the same bits, until compiling or loading the machine code pays
+    # cells run one by one, with bitwise identical results, until loading or compiling machine code pays off
     current_plan = replace(plan, at_once=plan.at_once and is_in_memory(many.solve_rows))
     rest, seconds = yield from _pilot(current_plan, columns, cells)
     if current_plan.at_once is not plan.at_once and is_worthwhile(
@@ -241,7 +241,7 @@ def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Ba
     """
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT_CELLS, len(cells))).astype(np.int64))
     seconds = 0.0
-    for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
+    for part in filter(len, (chosen[:1], chosen[1:])):  # the first cell loads and compiles the kernels
         begin = time.process_time()
         answers = solve(plan, [column[cells[part]] for column in columns])
         seconds = time.process_time() - begin

@@ -91,7 +91,7 @@ def sensitivity(
         ``on_progress(reached, count)`` is called after each parameter, with the fraction and the number of finished
         parameters.
     progress : bool
-        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
+        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     **fixed
         Other parameters, as in `granular.sweep`.
 
@@ -198,7 +198,7 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertainty: Any, 
     values = {name: {p for key, p in all_numbers.items()
                      if name.removeprefix("scene.") in (key, re.sub(r"\[\d+\]", "", key))}
               for name in names}
-    # gap and restitution of a case are no numbers in it, but follow from its scene and laws
+    # gap and restitution are not fields of a case, but follow from its scene and laws
     if isinstance(plan.root, Case) and not values.keys().isdisjoint(("gap", "restitution")):
         values |= {name: {p} for name, p in common_parameters(answer.case).items() if name in values}
     # a name without a value is not a number, a name with several values is ambiguous
@@ -349,9 +349,10 @@ def slope(plan: Plan, start: Start) -> Slope:
     elif neighbour_orders[1] == NO_ORDER:
         sides, neighbour_orders[1] = (-1.0,), neighbour_orders[0]
     if NO_ORDER in neighbour_orders:
-        return no_values, no_values, "scenes beside it are refused, or come to no proper end", outcomes_at_limits
+        reason = "runs at neighbouring values are refused or do not end properly"
+        return no_values, no_values, reason, outcomes_at_limits
     if neighbour_orders[0] != neighbour_orders[1]:
-        return no_values, no_values, "the order of contacts is another just below and just above it", outcomes_at_limits
+        return no_values, no_values, "the order of contacts differs just below and just above it", outcomes_at_limits
     return *differences(evaluate, start, sides, neighbour_orders[0]), "", outcomes_at_limits
 
 

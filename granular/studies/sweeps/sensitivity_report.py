@@ -160,9 +160,9 @@ class Sensitivity(Report):
                 yield (f"Within {p} = {self.parameters[p]:.6g} ± {u:.3g} {reason}: {name} is "
                        f"{number(low[name])} below, {number(high[name])} above.")
         for p, ends in vars(self).get("border", {}).items():
-            numbers = [number(end, none="nowhere") for end in ends]
-            yield f"There is a contact more or less from {p} = {numbers[0]} downwards, from {numbers[1]} upwards."
-        yield from (f"Not given by {p}: {why}." for p, why in self.why.items())
+            numbers = [number(end, none="none") for end in ends]
+            yield f"Nearest changes of a contact count: {p} = {numbers[0]} below, {numbers[1]} above."
+        yield from (f"No derivative with respect to {p}: {why}." for p, why in self.why.items())
         yield from self.notes
 
 

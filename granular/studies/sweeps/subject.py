@@ -133,7 +133,7 @@ class Subject:
     about : mapping
         Descriptions of the parameters by name.
     text : Any
-        Everything besides the parameters that determines the answers, to identify files.
+        All other data that determine the results, to identify files.
     ready : str
         Name of a ready-made case whose scene does not depend on the contacts, otherwise empty.
     wholes : set of str
