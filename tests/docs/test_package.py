@@ -66,7 +66,7 @@ def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatc
 
 
 def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
-    assert (installation.numba().startswith("kept in ")) == kernels.have_numba()
+    assert (installation.numba().startswith("cached in ")) == kernels.have_numba()
 
     def nowhere():
         raise RuntimeError("no locator available")

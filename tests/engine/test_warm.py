@@ -50,7 +50,7 @@ def test_warm_makes_code_for_every_kind_of_ready_made_scene(granular, stubbed):
     assert {call[0] for call in made} == {frozenset(cases.make(name).scene._flags) for name in cases.names()
                                           if name != "compressed-chain"}
     lines = out.splitlines()
-    assert lines[0] == "machine code is kept in the folder"
+    assert lines[0] == "machine code is cached in the folder"
     assert lines[1].split() == ["three-balls", "hard", "0.0", "s"]
     assert len(lines) == len(stubbed) + 1
 
@@ -59,7 +59,7 @@ def test_code_that_is_there_is_not_made_again(granular, stubbed):
     first, again = (granular("warm ring-gas")[1].splitlines() for _ in range(2))
     assert first[1].endswith(" s")
     assert [line.split()[0] for line in again[1:]] == ["ring-gas"] * len(installation.WARM_RUNS)
-    assert all(line.endswith("there already") for line in again[1:])
+    assert all(line.endswith("already compiled") for line in again[1:])
 
 
 def test_what_is_run_calls_what_other_runs_may():

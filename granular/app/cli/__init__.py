@@ -54,11 +54,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         with suppress(OSError):  # a terminal that is closed
             print("granular: interrupted", file=sys.stderr)
         return EXIT_SIGNAL + getattr(interrupt, "number", SIGINT)
-    except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
+    except BrokenPipeError:  # the reader of a pipe, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_OK
     except Exception as error:
-        if not (isinstance(error, EXPECTED_ERRORS) or hasattr(error, "raised_by")):  # by a function of the user's own
+        if not (isinstance(error, EXPECTED_ERRORS) or hasattr(error, "raised_by")):  # raised by a function of the user
             raise
         if "--traceback" in arguments:
             traceback.print_exc()
@@ -103,7 +103,7 @@ def _extreme_option_named(options: Mapping[str, Any]) -> Iterator[None]:
     except (ValueError, ArithmeticError) as error:
         from granular.edmd.physics import MAX_NUMBER, MIN_SPEED
 
-        from_user = hasattr(error, "raised_by")  # by a function of the user's own
+        from_user = hasattr(error, "raised_by")  # raised by a function of the user
         extreme = [] if from_user else [
             (name, x) for name, x in _nonzero_numbers(options) if not MIN_SPEED <= abs(x) <= MAX_NUMBER]
         if not extreme or any(re.search(rf"\b{name}\b", str(error)) for name, _ in extreme):

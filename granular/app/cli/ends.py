@@ -28,10 +28,9 @@ class EndSignal(KeyboardInterrupt):
 def as_interrupts() -> Iterator[None]:
     """Raise `EndSignal` when the process receives an end signal.
 
-    `EndSignal` is a `KeyboardInterrupt`.
-
-    A second signal does not interrupt the handling of the first one. Signals that are already handled or ignored, for
-    example under `nohup`, are left alone. The context restores all handlers when it ends.
+    `EndSignal` is a `KeyboardInterrupt`. A second signal does not interrupt the handling of the first one. Signals that
+    are already handled or ignored, for example under ``nohup``, are not changed. The context restores all handlers when
+    it ends.
     """
     is_over: list[bool] = []
     main = main_thread().ident or 0

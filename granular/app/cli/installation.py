@@ -108,7 +108,7 @@ class Info(Command):
 def numba() -> str:
     """Return a sentence on the folder of compiled kernels, or why it is missing."""
     try:
-        return f"kept in {compiled_kernels_folder()}, which can be written"
+        return f"cached in {compiled_kernels_folder()}, which is writable"
     except (ImportError, OSError) as reason:
         return str(reason)
 
@@ -164,7 +164,7 @@ class Warm(Command):
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
         check.known_names(parsed.scenes, WARM_SCENES, "scene")
-        print(f"machine code is kept in {compiled_kernels_folder()}")
+        print(f"machine code is cached in {compiled_kernels_folder()}")
         for name in parsed.scenes or WARM_SCENES:
             for kind, make in warm_up_calls(cases.make(name)).items():
                 print(f"{name:16} {kind:20} {compile_duration(make)}", flush=True)
@@ -186,9 +186,9 @@ def warm_up_calls(case: cases.Case) -> dict[str, Callable[[], object]]:
 def compile_duration(make: Callable[[], object]) -> str:
     """Call a function, and return the processor time if it compiled kernels.
 
-    The text is "there already" if all kernels had been compiled before.
+    The text is "already compiled" if all kernels had been compiled before.
     """
     start = process_time()
     with load_numba().core.event.install_recorder("numba:compile") as recorder:
         make()
-    return f"{process_time() - start:.1f} s" if recorder.buffer else "there already"
+    return f"{process_time() - start:.1f} s" if recorder.buffer else "already compiled"

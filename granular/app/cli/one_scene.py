@@ -67,8 +67,8 @@ class Run(Command):
         about = "edmd for hard spheres, md for soft spheres [md]"
         parser.add_argument("--engine", choices=ENGINE_NAMES, default="md", help=about)
         parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count the collisions "
-                            "whose contacts would overlap in time with one of a neighbouring pair under the force law "
-                            "of the scene: an estimate, not a proof")
+                            "whose contacts would overlap in time with a contact of a neighbouring pair under the force "
+                            "law of the scene: an estimate, not a proof")
         add_until_option(parser)
         parser.add_argument("--log", metavar="FILE.npy", help="write the contacts to this file during the run")
         output.add_outputs(parser, save="write the trajectory and its contact log; the suffix .nc (netCDF), .csv "
@@ -214,7 +214,7 @@ def summary(case: cases.Case, run: Trajectory) -> str:
 
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
     lines = [*[case.about] * bool(case.about), f"{scene_text(run.scene)}; {engine}"]
-    if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
+    if run.status in (Status.unstable, Status.broken):  # the numbers of such a run have no meaning
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"ended ({run.status.name}): {run.message}",
               f"final state at t = {run.time[-1]:.9g} s, {_contact_count(run)} contacts",

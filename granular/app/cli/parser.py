@@ -119,10 +119,10 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     -------
     argparse.Namespace
         It has the function `act` that runs the command, the scene or file `target`, and the options of the command. The
-        dictionary `scene_options` has the options of the scene, `run_options` the other
-        options that come from a signature.
+        dictionary `scene_options` has the options of the scene, and `run_options` all other options that come from a
+        signature.
     """
-    # a negative number such as -1e-4 would be taken for an option, but not behind a space
+    # argparse would read a negative number such as -1e-4 as an option; a leading space prevents this
     command, *rest = [f" {word}" if re.match(r"-[\d.]", word) else word for word in arguments] or ["--help"]
     top = Parser(prog="granular", description=PROGRAM_DESCRIPTION, epilog=PROGRAM_EXAMPLES)
     top.add_argument("--version", action="version", version=f"granular {VERSION}")
@@ -164,7 +164,7 @@ def case_of(parsed: argparse.Namespace) -> cases.Case:
 
 
 def add_until_option(parser: argparse.ArgumentParser, force: bool = True) -> None:
-    """Add the option --until. `force` tells whether a contact force can end the run."""
+    """Add the option --until. `force` states whether a contact force can end the run."""
     of_force = "type=force pair=0 above=1e3 (N, soft spheres only); " if force else ""
     parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
                         type=lambda text: UNTIL_SEPARATED if text.strip() == UNTIL_SEPARATED else _parse_entry(text),

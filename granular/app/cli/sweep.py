@@ -120,10 +120,10 @@ def processes(count: int) -> Iterator[Executor | None]:
             for process in set(active_children()) - other_processes:
                 process.kill()
             for thread in set(threading.enumerate()) - threads_before:
-                if not thread.daemon:  # the pool's, which at the exit of Python would be closing its pipes
+                if not thread.daemon:  # a thread of the pool, which would close its pipes at the exit of Python
                     thread.join()
             if isinstance(error, BrokenProcessPool):
-                raise ChildProcessError("A process of the sweep was killed, perhaps for lack of memory. Use fewer "
+                raise ChildProcessError("A process of the sweep was killed, possibly because memory ran out. Use fewer "
                                         "--workers. The file of --save contains the cells solved so far.") from None
             raise
 

@@ -177,8 +177,8 @@ class _Job:
                 self.written(self.dataset())
         if (self.answers.columns["status"] == MISUSE_CODE).all():
             raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes.get(
-                "refusal", f"All cells of {self.save!r} were refused, and the file does not contain a reason. Remove the "
-                           "file."))
+                "refusal", f"All cells of {self.save!r} were refused, and the file does not contain a reason. Remove "
+                           "the file."))
 
     def dataset(self) -> xarray.Dataset:
         """Return the results of all cells that have been solved as a data set."""
