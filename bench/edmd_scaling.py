@@ -26,7 +26,7 @@ FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.
 DATA_PATH = FIGURE_PATH.parent / "data" / "edmd-scaling.json"
 ELASTIC_RULE = gr.ConstantRestitution(1.0)
 Timer = Callable[[float], tuple[int, float]]
-"""Runs until a given time and returns the collisions and processor seconds."""
+"""Function that runs to a time and returns collisions and processor time in s."""
 LARGE = blocks.BLOCKS_ABOVE
 
 

@@ -103,12 +103,12 @@ at which p increases (1) or decreases (−1). `wake` is the overlap above which 
 `speed` is the typical speed of the island. `activate` makes the pair ACTIVE, counts the contact and records its onset
 for the log. The onset of a dormant pair was recorded at its touch. If a contact was ACTIVE before it became dormant
 (`going_on` = 1), only its mode changes. `cancel_rate` sets a rate to 0 by an impulse between the balls. `noise` is
-here a bound of the rounding error of the rate itself, in m/s. `is_rate_noise` is true up to 4 times that."""),
+here a bound of the rounding error of the rate itself, in m/s. `is_rate_noise` is true up to 4 times this bound."""),
     ("", "granular.md.located.modes", ("change_mode",), ""),
     ("Soft spheres in fixed steps: one Verlet step", "granular.md.fixed.integrators",
      ("verlet", "move_pair", "finish_verlet_step"), """\
-The alternative to located events. A window of the chain is stored in arrays with one value per pair or body. `raw` is
-the force before it is clipped at 0."""),
+These functions are the alternative to located events. A window of the chain is stored in arrays with one value per
+pair or body. `raw` is the force before it is clipped at 0."""),
 )
 """Heading, module, functions and introduction of each section."""
 INTRODUCTION = """# The engines without special scenes
@@ -165,7 +165,7 @@ class Folder(ast.NodeTransformer):
 
 
 def folded(text: str, header: bool, false: frozenset[str]) -> str:
-    """Return a statement, or the header of a compound one, with folded conditions.
+    """Return a statement, or the header of a compound statement, after folding.
 
     The text is returned unchanged, with its layout and comments, if there is nothing to fold.
     """

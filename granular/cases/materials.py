@@ -67,7 +67,10 @@ brass = Material(100e9, 0.34, 8500.0, (96e9, 110e9))
 aluminium = Material(70e9, 0.33, 2700.0, (70e9, 79e9))
 """Aluminium alloys. Alloys with copper or zinc have 72 to 73 GPa."""
 nylon = Material(2.8e9, 0.40, 1100.0, (2.1e9, 3.4e9))
-"""Dry nylon 6-6 at room temperature. The modulus of moist, warm nylon is less than half of this value."""
+"""Dry nylon 6-6 at room temperature.
+
+The modulus of moist, warm nylon is less than half of this value.
+"""
 rubber = Material(2e6, 0.48, 1100.0, (0.7e6, 4e6))
 """Soft rubber under slow strain. Hard sorts have up to 100 MPa.
 

@@ -67,8 +67,8 @@ class Run(Command):
         about = "edmd for hard spheres, md for soft spheres [md]"
         parser.add_argument("--engine", choices=ENGINE_NAMES, default="md", help=about)
         parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count the collisions "
-                            "whose contacts would overlap in time with a contact of a neighbouring pair under the force "
-                            "law of the scene: an estimate, not a proof")
+                            "whose contacts would overlap in time with a contact of a neighbouring pair under the "
+                            "force law of the scene: an estimate, not a proof")
         add_until_option(parser)
         parser.add_argument("--log", metavar="FILE.npy", help="write the contacts to this file during the run")
         output.add_outputs(parser, save="write the trajectory and its contact log; the suffix .nc (netCDF), .csv "
