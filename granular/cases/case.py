@@ -160,7 +160,8 @@ class Case:
         if engine == "edmd" and self.rule is not None:
             return self.rule
         if self.law is None:
-            raise ValueError(f"`law` is missing: {engine} requires a force law, such as LinearDashpot(k=5e7).")
+            raise ValueError(f"`law` must be a force law for {engine}, got None. Give one, such as "
+                             "LinearDashpot(k=5e7).")
         if engine == "md":
             return self.law
         from granular.md.binary import restitution_of

@@ -152,8 +152,8 @@ def check_scene(scene: Scene) -> None:
     if scene.rest_gap is not None:
         check.every("rest_gap", scene.rest_gap, scene.rest_gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
     check.raise_if_true({
-        "`external_force` must be None for hard spheres on a ring, because it would press them together in mid-air. "
-        "Use granular.md.": scene.ring and scene.external_force is not None,
+        "`external_force` must be None for hard spheres on a ring, got forces, which would press the balls together in "
+        "mid-air. Use granular.md.": scene.ring and scene.external_force is not None,
         "`gap` must have a positive entry on a ring, got 0 for all pairs. Leave the balls room to move.":
             scene.ring and not scene.gap.any(),
         f"`scene` must have at most {MASK + 1} bodies, got {scene.n}.": scene.n_pairs > MASK,

@@ -341,12 +341,15 @@ def _check_continuable(trajectory: Trajectory) -> None:
     """Raise `ValueError` if a trajectory cannot be continued."""
     status, saved = trajectory.status, trajectory.state
     check.raise_if_true({
-        "`trajectory` must be a run of hard spheres from granular.edmd.": trajectory.rule is None or not saved,
-        "`trajectory` ended in an inelastic collapse and cannot be continued. Run again with collapse='merge' or tc=.":
-            status is Status.collapse and "collapse_time" not in saved,
-        "`trajectory` ended in a possible inelastic collapse and cannot be continued. Run again with collapse='merge' "
-        "or tc=.": status is Status.bounded and "zoom_gap" not in saved,
-        "`trajectory` is broken and cannot be continued. See its message.": status is Status.broken,
+        "`trajectory` must be a run of hard spheres from granular.edmd, got "
+        f"{'a run of soft spheres' if trajectory.law else 'a run without a saved state'}.":
+            trajectory.rule is None or not saved,
+        "`trajectory` must be a run that can be continued, got an inelastic collapse. Run again with collapse='merge' "
+        "or tc=.": status is Status.collapse and "collapse_time" not in saved,
+        "`trajectory` must be a run that can be continued, got a possible inelastic collapse. Run again with "
+        "collapse='merge' or tc=.": status is Status.bounded and "zoom_gap" not in saved,
+        "`trajectory` must be a run that can be continued, got status broken. See its message.":
+            status is Status.broken,
     })
 
 

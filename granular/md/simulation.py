@@ -356,9 +356,11 @@ def resume(
     """
     state = check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
     check.raise_if_true({
-        "`trajectory` must be a run of granular.md.simulate by method 'located' that has begun. For hard spheres use "
+        "`trajectory` must be a run of granular.md.simulate by method 'located' that has begun, got "
+        f"{'a run of hard spheres' if trajectory.rule else 'a run without a checkpoint'}. For hard spheres use "
         "granular.edmd.resume.": trajectory.law is None or "origin" not in state,
-        "`trajectory` is broken and cannot be continued. See its message.": trajectory.status is Status.broken,
+        "`trajectory` must be a run that can be continued, got status broken. See its message.":
+            trajectory.status is Status.broken,
     })
     laws, again = checked_laws(trajectory.law, trajectory.scene), vars(trajectory).get("again")
     request = _requested(

@@ -87,7 +87,7 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
     header, *rows = csv.reader([lines[start - 1].rstrip(separator), *lines[start:]], delimiter=separator)
     titles, *units = zip(*[NAME_AND_UNIT.findall(cell)[0] for cell in header], strict=True)
     check.raise_if_true({
-        f"File {name} has the same name {titles} for several columns; rename them.": len(set(titles)) < len(titles),
+        f"File {name} has the same name {titles} for several columns. Rename them.": len(set(titles)) < len(titles),
         f"File {name} has rows with more cells than its header {titles}.": any(
             cell.strip() for row in rows for cell in row[len(titles):])})
     wanted = check.several("columns", columns, "the name of a column, or several") if columns is not None else titles

@@ -108,9 +108,9 @@ def test_gravity_sets_the_end_where_it_is_needed():
         r"edmd\.simulate has no option `dt`; available: collapse, elastic_below, engine, log, max_events, "
         r"merge_below, on_event, on_progress, progress, samples, seed, t_end, t_start, tc, ties, until, watch\."),
     (lambda: cases.Case(scenes.gas(), None).simulate("md"),
-        r"`law` is missing: md requires a force law, such as LinearDashpot\(k=5e7\)\."),
+        r"`law` must be a force law for md, got None\. Give one, such as LinearDashpot\(k=5e7\)\."),
     (lambda: cases.Case(scenes.gas(), None).simulate("edmd"),
-        r"`law` is missing: edmd requires a force law, such as LinearDashpot\(k=5e7\)\."),
+        r"`law` must be a force law for edmd, got None\. Give one, such as LinearDashpot\(k=5e7\)\."),
 ])
 def test_misuse_of_names_and_options_is_a_sentence(call, sentence):
     with pytest.raises((ValueError, TypeError), match=sentence):

@@ -314,7 +314,7 @@ def test_a_run_whose_last_state_cannot_be_is_broken(said, monkeypatch):
     assert broken.status is gr.Status.broken
     expected = rf"the final state is invalid, so the numbers are meaningless: {said}; {sound.value} at .*"
     assert re.fullmatch(expected, broken.message)
-    with pytest.raises(ValueError, match=r"`trajectory` is broken and cannot be continued\. See its message\."):
+    with pytest.raises(ValueError, match=r"`trajectory` must be a run that can be continued, got status broken\."):
         gr.edmd.resume(broken, t_end=2.0)
     assert gr.compare(scene, gr.LinearDashpot(1e6, 10.0), t_end=1.0).verdict.startswith("No verdict: the event-driven")
 
@@ -326,7 +326,7 @@ def test_a_soft_run_whose_last_state_cannot_be_is_broken(monkeypatch):
     broken = gr.md.simulate(scene, gr.LinearDashpot(1e4, 10.0), until=gr.until.contact(0, 1), t_end=9.0)
     assert broken.status is gr.Status.broken
     assert "gaps add up to 0.7" in broken.message
-    with pytest.raises(ValueError, match=r"`trajectory` is broken and cannot be continued\. See its message\."):
+    with pytest.raises(ValueError, match=r"`trajectory` must be a run that can be continued, got status broken\."):
         gr.md.resume(broken, t_end=10.0)
 
 

@@ -91,7 +91,7 @@ def test_what_is_bounded_is_no_collapse_and_says_so() -> None:
     assert end.message.startswith("possible inelastic collapse of pairs 0–1 to 3–4 at t = ")
     log = judged(scene, eps, 3000, 600)
     assert len(log) == 1996  # it is finite
-    with pytest.raises(ValueError, match="`trajectory` ended in a possible inelastic collapse and cannot be continued"):
+    with pytest.raises(ValueError, match="`trajectory` must be a run that can be continued, got a possible inelastic"):
         gr.edmd.resume(end)
 
 

@@ -144,8 +144,8 @@ def test_late_times_cost_no_digits() -> None:
 def test_what_cannot_be_resumed_says_why() -> None:
     scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0], gravity=1.0)
     run = edmd.simulate(scene, ConstantRestitution(0.5))
-    with pytest.raises(ValueError, match=r"`trajectory` ended in an inelastic collapse and cannot be continued\. "
-                                         r"Run again with collapse='merge' or tc=\."):
+    with pytest.raises(ValueError, match=r"`trajectory` must be a run that can be continued, got an inelastic "
+                                         r"collapse\. Run again with collapse='merge' or tc=\."):
         edmd.resume(run)
     import dataclasses
 

@@ -111,7 +111,8 @@ def test_limits_count_from_the_cut():
 ], ids=["hard", "fixed steps", "not begun"])
 def test_what_cannot_be_gone_on_from_is_refused(run):
     with pytest.raises(ValueError, match=r"`trajectory` must be a run of granular\.md\.simulate by method "
-                                         r"'located' that has begun\. For hard spheres use "
+                                         r"'located' that has begun, got a run (of hard spheres|without a checkpoint)"
+                                         r"\. For hard spheres use "
                                          r"granular\.edmd\.resume\."):
         gr.md.resume(run, t_end=1.0)
 

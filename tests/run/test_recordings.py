@@ -67,7 +67,7 @@ WRONG = {
     "t,y\n1,2\n2,lost\n": "must have a line with the names of the columns and, below it, lines of numbers only, got "
                           "'2,lost'.",
     "t,y\n0,5,1,2\n": "has rows with more cells than its header ('t', 'y').",
-    "t,y,y\n1,2,3\n": "has the same name ('t', 'y', 'y') for several columns; rename them.",
+    "t,y,y\n1,2,3\n": "has the same name ('t', 'y', 'y') for several columns. Rename them.",
     "t,y\n0,1\n1,2..5\n": "must have numbers in column 'y', got '2..5'.",
     "t,y (px)\n1,2\n": "The unit of column 'y' must be one of s, ms, µs, ",
     't,"y\n(cm)"\n0,1\n': "must have pairs of quotation marks in each line, got '(cm)\"'.",
