@@ -136,7 +136,7 @@ def axis_label(text: str, units: str) -> str:
 
 
 def abridged_rows(rows: Rows, most: int = 12) -> Rows:
-    """Return the rows of a table, only the first and last ones above `most` rows."""
+    """Return the rows of a table, abridged to its first and last rows above `most`."""
     half = most // 2
     return rows if len(rows) <= most else [*rows[:half], ["…"] * len(rows[0]), *rows[-half:]]
 

@@ -257,7 +257,7 @@ def rest_differences(hard: Trajectory, soft: Trajectory, weight: Array) -> Itera
 
     - The larger of approach and separation speed of each contact before contact k that the other run lacks.
     - The difference of the approach speeds of contact k, or its approach speed if the other run lacks it.
-    - The excess of the approach speed of each later contact of the other run over the one of contact k.
+    - The excess of the approach speed of each later contact of the other run over the approach speed of contact k.
     - The speed with which the balls leave the last contact in the other run.
 
     If the pair is at rest in both runs, contacts with an approach speed of at most `weight` belong to balls that

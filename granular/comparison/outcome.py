@@ -393,7 +393,7 @@ def _sagging(soft: Trajectory, acceleration: Array) -> Array:
 def differences(one: Trajectory, other: Trajectory) -> Array:
     """Difference in m/s of each ball's final velocity between two runs, (n,).
 
-    The final velocity is the one after the last contact. If the last contacts of a ball end at different times,
+    The final velocity is the velocity after the last contact. If the last contacts of a ball end at different times,
     gravity alone changes its velocity. The velocity in the first run is therefore also computed for the time of the
     second run, in free flight, and the smaller difference is used. The difference is nan for walls, and for contacts
     without end.

@@ -78,7 +78,7 @@ def join_clusters(
 ) -> tuple[int, int, float]:
     """Join the clusters of both bodies of pair `c` at time `now`.
 
-    Parameters and return values are those of `stick`. If one of the clusters touches a wall or a pile on a wall, all
+    Parameters and return values are as in `stick`. If one of the clusters touches a wall or a pile on a wall, all
     bodies take the velocity of the wall. Otherwise they take their common velocity, which conserves momentum.
     """
     n = len(pairs)
@@ -229,7 +229,7 @@ def will_stick_to_wall(pairs: Records, bodies: Records, c: int, now: float, w: f
     side = walls.sides[pair.wall]
     t, tail = side.epoch, side.low + now
     _, _, a = moved(side, walls.panels, t, tail)
-    # The acceleration of the wall adds to that of the ball relative to a wall at rest.
+    # The acceleration of the wall adds to the acceleration of the ball relative to a wall at rest.
     a += pair.closing_acceleration
     if a <= 0.0:
         return False

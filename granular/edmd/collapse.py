@@ -198,7 +198,7 @@ def slowing_message(run: Any, events: int) -> str:
     """Return parts of the message of a run that `max_events` ends, or "".
 
     `events` is the number of all collisions. The first part states that the last collisions came at least ten times as
-    fast as those before. The second part states a bound of the speeds of slow pairs, if one is known.
+    fast as earlier collisions. The second part states a bound of the speeds of slow pairs, if one is known.
     """
     text = ""
     if len(run.pace) == 2:

@@ -178,7 +178,7 @@ def leave_thermal_wall(
 ) -> tuple[int, int, float]:
     """Reflect the ball of pair `c` from a thermal wall, with a random speed.
 
-    Parameters and return values are those of `collide_pair`. Such a hit is never part of a touching group or a slice in
+    Parameters and return values are as in `collide_pair`. Such a hit is never part of a touching group or a slice in
     `zoom`, and its bodies never merge. The drawn speed depends on the number of earlier hits of the pair. Every queue
     and a resumed run therefore draw the same speed.
 

@@ -380,7 +380,7 @@ def add_compensated(value: float, low: float, more: float) -> tuple[float, float
     `low` is the rounding error accumulated so far. Returns the new main part and the new accumulated rounding error.
     Their sum is the result (Neumaier, 1974).
     """
-    # The smaller summand is the one that loses digits.
+    # The smaller summand loses digits.
     new = value + more
     return new, low + ((value - new) + more if abs(value) >= abs(more) else (more - new) + value)
 

@@ -176,7 +176,8 @@ def _check_combination(eps: check.Array, options: dict[str, Any], scene: Scene) 
     merges, has_tc, has_elastic_below = (
         options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0)
     if ties in ("newton", "reflect") and eps.min() != eps.max():
-        reason = "Different ones can multiply the energy." if ties == "newton" else "It is not defined otherwise."
+        reason = ("Different restitutions can multiply the energy." if ties == "newton" else
+                  "It is not defined otherwise.")
         raise ValueError(f"`rule` must be one constant restitution for all pairs if ties={ties!r}, got restitutions "
                          f"from {eps.min():g} to {eps.max():g}. {reason} Use ties='poisson'.")
     if TIE_ORDERS[ties] == GROUP and (merges or has_tc or has_elastic_below):
@@ -220,8 +221,8 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
 
     The units are m/s, m/s, m and m/s². The fall speed is the speed after a fall through the mean gap, or a larger speed
     of a driven or thermal wall. The speed scale is the maximum of the fall speed and of the relative velocities of all
-    pairs. The largest acceleration is that of a ball in the frame of a run. For pendula the values are chosen such that
-    `motion.window_length` returns the window that `WINDOW_TURNS` and `GAP_SHARE` describe.
+    pairs. The largest acceleration is the acceleration of a ball in the frame of a run. For pendula the values are
+    chosen such that `motion.window_length` returns the window that `WINDOW_TURNS` and `GAP_SHARE` describe.
     """
     speed = float(np.abs(scene.across(scene.velocity)).max())
     if scene.pendulum > 0.0:

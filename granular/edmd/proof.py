@@ -275,8 +275,8 @@ def gap_matrices(word: list[int], rates: Any) -> Any:
 def gap_matrix_changes(word: list[int], turns: Array, rates: Array, gaps: Array, delta: float) -> Array:
     """Return a bound of the change of each gap matrix by a perturbation of the rates.
 
-    The initial rates v change by at most `delta`. The matrices `turns` and `gaps` and the rates `rates` are those of
-    the unperturbed period `word`. The result is a norm per matrix, or inf if a rate can change its sign. The change is
+    The initial rates v change by at most `delta`. The matrices `turns` and `gaps` and the rates `rates` belong to the
+    unperturbed period `word`. The result is a norm per matrix, or inf if a rate can change its sign. The change is
     ``D_i = Σ_j F_i … F_(j+1) E_j (gaps_(j-1) + D_(j-1))``, where F_j is the matrix of a flight and E_j its change.
     """
     count, k = rates.shape

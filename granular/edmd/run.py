@@ -43,7 +43,7 @@ REPORT_EVENTS = 4096
 FIRST_CHUNK_EVENTS = 8
 """Number of events per call of the event loop before its speed has been measured."""
 LOADING_WORK, COMPILING_WORK = 100_000, 500_000
-"""Work (in collisions) above which compiled code pays.
+"""Work (in collisions) above which compiled code saves time.
 
 `LOADING_WORK` applies if the machine code is in the cache, `COMPILING_WORK` if it has to be compiled.
 """
@@ -297,8 +297,8 @@ class Run:
     def _advance(self, limit: float) -> int:
         """Process events up to `limit` (s since the epoch).
 
-        The number of events per call is limited. The run switches to the compiled queue as soon as that pays. Returns
-        the reason of the pause.
+        The number of events per call is limited. The run switches to the compiled queue as soon as this saves time.
+        Returns the reason of the pause.
         """
         state = self.state
         if self.may_compile and compilation_pays(self._expected_work(), self.physics.has):

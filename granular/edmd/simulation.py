@@ -216,7 +216,7 @@ def events(
 ) -> Iterator[Event]:
     """Yield the collisions of a run one at a time, with the scene after each.
 
-    Intended for demonstrations and debugging. The collisions are bitwise identical to those of `simulate`.
+    Intended for demonstrations and debugging. The collisions are bitwise identical to the collisions of `simulate`.
 
     Parameters
     ----------

@@ -335,7 +335,7 @@ class State:
         return velocity, gap
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the names of the saved fields of pairs, and those of bodies."""
+        """Return the names of the saved fields of pairs, and of the fields of bodies."""
         if self.hung:
             return (*PAIR_STATE_FIELDS, "rate"), (*BODY_STATE_FIELDS, "sway")
         if self.walls is not None:

@@ -263,7 +263,7 @@ def next_pair(pairs: Records, j: int) -> int:
 def settle_on_wall(near: Records, pairs: Records, bodies: Records, j: int) -> None:
     """Bring the ball of pair `j`, which has just bounced on its wall, to rest.
 
-    From now on, gap and rate of the next pair are those of its other ball relative to the wall. The bounces that are
+    From now on, gap and rate of the next pair describe its other ball relative to the wall. The bounces that are
     left out do not affect this motion.
     """
     k, on_floor = next_pair(pairs, j), pairs[j].low == 0.0

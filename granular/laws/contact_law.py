@@ -74,7 +74,7 @@ class PairLaw:
     def given(self, xi: float, xi_dot: float, xi_max: float) -> Any:
         """Return the value of the law's `force` as it is, which may not be a number.
 
-        The parameters are those of `force`.
+        The parameters are as in `force`.
         """
         return self.law.force(xi, xi_dot, self.pair, xi_max) if self.memory else self.law.force(xi, xi_dot, self.pair)
 
@@ -301,7 +301,7 @@ class LawWithMemory(Protocol):
     def force(self, xi: float, xi_dot: float, pair: Any, xi_max: float, /) -> float:
         """Return the force in N, ≥ 0 for repulsion.
 
-        The parameters are those of `ForceLaw.force`, and `xi_max`, the largest overlap in m since the bodies last
+        The parameters are as in `ForceLaw.force`, and `xi_max`, the largest overlap in m since the bodies last
         separated.
         """
 

@@ -237,7 +237,7 @@ def _is_constant(value: Any) -> bool:
 
 
 class _Unknown:
-    """Placeholder for an unknown property of a pair, any use of which raises."""
+    """Placeholder for an unknown property of a pair, whose use raises an exception."""
 
     __eq__ = __hash__ = __bool__ = None  # type: ignore[assignment]
 

@@ -99,8 +99,8 @@ class TabulatedRestitution:
         Parameters
         ----------
         times : (k+1,) array
-            Intervals in s between successive bounces, as an acoustic stopwatch shows them. Each is shorter than the one
-            before it, and k ≥ 2. Convert times of bounces with ``numpy.diff``.
+            Intervals in s between successive bounces, as an acoustic stopwatch shows them. Each interval is shorter
+            than the interval before it, and k ≥ 2. Convert times of bounces with ``numpy.diff``.
         gravity : float
             g in m/s². Defaults to 9.81.
         sigma_t : float
@@ -133,7 +133,7 @@ class TabulatedRestitution:
         ----------
         heights : (k+1,) array
             Heights in m of the lowest point of the ball above the floor: the drop height, then the apex after each
-            bounce. Each is lower than the one before it, and k ≥ 2.
+            bounce. Each height is lower than the height before it, and k ≥ 2.
         gravity : float
             g in m/s². Defaults to 9.81.
         sigma_h : float

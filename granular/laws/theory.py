@@ -274,7 +274,7 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
     if eps == 1.0:
         raise ValueError("`restitution` must be below 1, got 1.0. With 1 the velocity grows with every ball, to √R.")
-    lost = -math.log1p(-0.5 * (1.0 - eps))  # ln 2 - ln(1 + ε) of each collision, beside ln cosh x of unequal masses
+    lost = -math.log1p(-0.5 * (1.0 - eps))  # ln 2 - ln(1 + ε) per collision, plus ln cosh x of unequal masses
 
     def gain(n: int) -> float:
         return half - n * (_log_cosh(half / n) + lost)

@@ -361,7 +361,7 @@ class Scene(ByNumbers):
         return (self._mass_fraction * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
-        """Return the velocity of the anchor in m/s. The parameters are those of `anchor`."""
+        """Return the velocity of the anchor in m/s. The parameters are as in `anchor`."""
         if self._wall is not None:
             return self.velocity[self._wall] + self._moved(self._wall, elapsed, start)[1]
         speed = (self._mass_fraction * self.velocity).sum()

@@ -31,7 +31,7 @@ from granular.laws.rules import ConstantRestitution
 
 PACKAGE_FOLDER = Path(__file__).parents[__name__.count(".") - 1]
 REINSTALL_HINT = (
-    f"Uninstall it and install {NAME} again (--force-reinstall --no-deps), or give each an environment of its own"
+    f"Uninstall it and install {NAME} again (--force-reinstall --no-deps), or use a separate environment for each"
 )
 WARM_SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
 """One scene per flag: none, driven wall, thermal walls, ring, and pendula."""

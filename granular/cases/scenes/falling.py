@@ -50,7 +50,7 @@ def ball_stack(
     n: int = 3, mass_ratio: float = 0.1, masses: Sequence[float] | None = None, height: float | None = None,
     speed: float | None = None, gap: float | Sequence[float] = 1e-4, density: float = 900.0, gravity: float = 9.81,
 ) -> Scene:
-    """Stack of balls that fall on a floor, each lighter than the one below.
+    """Stack of balls that fall on a floor, each lighter than the ball below.
 
     The stack throws its top ball high (Harter, Kerwin). It is either dropped from rest, or hits the floor at t = 0
     with a given speed.

@@ -23,8 +23,8 @@ Stepping that number of pairs takes about ten times as long as synchronizing the
 Workspaces = namedtuple("Workspaces", "whole parts pool code ended log pair nth")
 """Work space of a chain that is stepped in parallel.
 
-`whole` is the `window.Work` of the chain, and `parts` are those of the threads. `pool` runs all parts except the first,
-and `code` contains the compiled kernels. The last four fields are fields of `whole`."""
+`whole` is the `window.Work` of the chain, and `parts` are the work spaces of the threads. `pool` runs all parts except
+the first, and `code` contains the compiled kernels. The last four fields are fields of `whole`."""
 
 
 def parts(pairs: int) -> int:

@@ -242,7 +242,7 @@ class Stepper:
             self._split_into_parts(self.parts)
 
     def _compiled_workspace(self, work: Work, log: Any, **more: int) -> Work:
-        """Return a copy of `work` for compiled kernels, with a window of its own.
+        """Return a copy of `work` for compiled kernels, with its own window.
 
         `log` are its log rows, and `more` are replaced fields.
         """

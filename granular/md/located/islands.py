@@ -61,7 +61,7 @@ def form_event_blocks(s: Any, laws: Any) -> int:
         below, above = run.lo - 1, run.hi
         if RING:
             below, above = island_neighbours(run, pairs)
-        # a force at the edge of the event accelerates the next pair, and a contact beside it is disturbed
+        # a force at the edge of the event accelerates the next pair, and a neighbouring contact is disturbed
         if below >= 0 and (needs_series(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
             run.wanted = pairs[below].first
             return EXTEND
@@ -94,7 +94,7 @@ def form_event_blocks(s: Any, laws: Any) -> int:
 
 @kernel
 def release_pair(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) -> None:
-    """Release pair `c`, a block of its own, into free flight.
+    """Release pair `c`, a separate block, into free flight.
 
     Its place in the pool becomes free, and its next event is predicted.
     """

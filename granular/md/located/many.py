@@ -251,7 +251,7 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
 def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -> None:
     """Solve one scene until it ends, or until it requires a table or a test.
 
-    A scene with a law that no power series represents is skipped. The parameters are those of `solve_rows`, for one
+    A scene with a law that no power series represents is skipped. The parameters are as in `solve_rows`, for one
     scene.
     """
     run, n = s.run[0], len(s.pairs)
@@ -287,8 +287,8 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
 def collect_results(s: Any, last: Any, t: float) -> None:
     """Move the contacts that ended by time `t` (s) from the log buffer to the results.
 
-    `last` has one record per pair. End time and final velocities of a contact replace those of the previous contact of
-    its pair, and the longest duration is updated. The rows are removed from the buffer.
+    `last` has one record per pair. End time and final velocities of a contact replace the values of the previous
+    contact of its pair, and the longest duration is updated. The rows are removed from the buffer.
     """
     for i in range(s.run[0].rows):
         row = s.log[i]

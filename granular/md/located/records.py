@@ -100,7 +100,7 @@ SOFT_PAIR_RECORD = np.dtype(
 )
 """State of a pair in free flight, its block and its counters.
 
-For a pair in an island, state and mode are those of its last flight. `due` is inf if the pair is not the first of its
+For a pair in an island, state and mode describe its last flight. `due` is inf if the pair is not the first of its
 block."""
 _LAW = [
     ("lower", float),

@@ -8,7 +8,7 @@ of η is σ η̇_n/(n+q).
 
 For q = 1 the time t is proportional to τ. q > 1 makes the onset of a contact regular if F starts like a fractional
 power of t. A pair that just touches has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is again a power series. The
-coefficients of such a ξ are those of y, shifted by `offset` = q.
+coefficients of such a ξ are the coefficients of y, shifted by `offset` = q.
 
 Products are summed in groups of eight terms. One factor is stored backwards in a `mirror` followed by zeros, and
 unknown terms are zero. Processors predict these few loop lengths well, unlike a loop over n terms.
@@ -84,7 +84,7 @@ def expand_series(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, fie
 
 @kernel
 def prepare_series(pair: Any, q: int) -> None:
-    """Write the coefficients below order q, and set those that are not computed to 0."""
+    """Write the coefficients below order q, and set coefficients that are not computed to 0."""
     pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(1, q):
         pair.x[n], pair.e[n] = 0.0, 0.0
@@ -208,8 +208,8 @@ def product_term(a: Any, mirror: Any, n: int) -> float:
 def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
     """Compute coefficient n of r = √ξ, and its copy in `mirror`.
 
-    `x` has the coefficients of ξ, the first of which is at index `offset`, and `out` those of r. The recurrence is 2
-    r_0 r_n = ξ_n - Σ r_j r_(n-j), from r² = ξ.
+    `x` has the coefficients of ξ, the first of which is at index `offset`, and `out` the coefficients of r. The
+    recurrence is 2 r_0 r_n = ξ_n - Σ r_j r_(n-j), from r² = ξ.
     """
     first = offset // 2
     order = n - first
@@ -226,8 +226,8 @@ def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
 def power_term(x: Any, out: Any, alpha: float, n: int, offset: int) -> None:
     """Compute coefficient n of f = ξ^α, with ξ = τ^offset y.
 
-    `x` has the coefficients of ξ, `out` those of f. For a power of y, f' y = α f y' gives n y_0 f_n = Σ (α j - (n-j))
-    y_j f_(n-j) (Knuth, TAOCP 2, 4.7).
+    `x` has the coefficients of ξ, `out` the coefficients of f. For a power of y, f' y = α f y' gives
+    n y_0 f_n = Σ (α j - (n-j)) y_j f_(n-j) (Knuth, TAOCP 2, 4.7).
     """
     first = int(alpha * offset + 0.5)
     order = n - first

@@ -196,7 +196,7 @@ def gap_at_time(
 ) -> tuple[float, float]:
     """Return a gap (m) and its rate (m/s) at the time s (s) after t + tail.
 
-    The other parameters are those of `first_hit`, whose formulas are used. Rounding can make a closing gap negative,
+    The other parameters are as in `first_hit`, whose formulas are used. Rounding can make a closing gap negative,
     so callers clamp it at 0.
     """
     now = gap_state(wall, panels, t, tail, gap, rate, pull)

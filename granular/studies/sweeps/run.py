@@ -96,7 +96,7 @@ def sweep(
         one. Use processes for them.
     on_progress : callable, optional
         ``on_progress(reached, count)`` is called with two numbers. `reached` is the fraction of this call's cells that
-        are solved. `count` is the number of all solved cells, including those of a file.
+        are solved. `count` is the number of all solved cells, including the cells of a file.
     progress : bool
         Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     **fixed

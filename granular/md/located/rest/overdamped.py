@@ -259,7 +259,7 @@ def write_flight_between_groups(pairs: Any, pool: Any, bodies: Any, lo: int, c: 
 
 @kernel
 def subtract_group(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direction: int) -> None:
-    """Subtract the overlaps and rates of a neighbouring group from those of a pair.
+    """Subtract overlaps and rates of a neighbouring group from the series of a pair.
 
     The group is below (`direction` -1) or above (1) the pair with number `c`. For a group without a wall, each overlap
     is weighted with the mass fraction of the balls beyond it.
