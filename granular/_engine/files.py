@@ -163,7 +163,7 @@ def _copy_to_stream(stream: str, fill: Callable[[str], object]) -> None:
         draft = os.path.join(folder, "draft" + os.path.splitext(stream)[1])
         fill(draft)
         if stream == STDOUT and sys.stdout is not None:
-            sys.stdout.flush()  # what was printed before comes first
+            sys.stdout.flush()  # earlier output comes first
         with open(draft, "rb") as source, open(os.dup(1) if stream == STDOUT else stream, "ab") as sink:
             shutil.copyfileobj(source, sink)
 

@@ -219,7 +219,7 @@ def version() -> int:
     Names of cached machine code contain it.
     """
     text = __spec__.loader.get_data(str(Path(__file__).with_name("numba_pipeline.py")))  # type: ignore[union-attr]
-    return crc32(text) or 1  # 0 would read like "unknown"
+    return crc32(text) or 1  # 0 would mean "unknown"
 
 
 @cache

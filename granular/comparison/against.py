@@ -132,7 +132,7 @@ def against(report: Any, run: Trajectory) -> Against:
         if expected.shape != got.shape or not np.allclose(expected, got, rtol=1e-9, atol=0.0):
             raise ValueError(f"`run` must be of the same scene: its {name} must be "
                              f"{np.array2string(expected, threshold=6)}, got {np.array2string(got, threshold=6)}.")
-    other_unit = report.units.max(initial=0.0) or speed_scale(scene) or 1.0  # of balls that touch nothing
+    other_unit = report.units.max(initial=0.0) or speed_scale(scene) or 1.0  # unit of balls that touch nothing
     unit = np.append(report.units, other_unit)[report.components.of_ball]
     offset = _clock_offset(report, run, other_unit)
     run = replace(run, time=run.time - offset)

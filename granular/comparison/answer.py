@@ -188,7 +188,7 @@ class Checked(ComparedRuns):
                 if name == "poisson" and "verdict" in first.stats:
                     continue  # cannot be continued: this rule is not defined for balls that stick
                 run = self._carried_on(first, options)
-            except (ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
+            except (ValueError, ArithmeticError):  # no result, as for balls wedged between two walls
                 runs[name] = "refused the scene"
                 continue
             runs[name] = f"stopped early ({run.status.name})" if run.status in EARLY_STATUSES else run

@@ -180,7 +180,7 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     image = axis.imshow(
         largest.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
         extent=(left, right, -0.5, soft.scene.n_pairs - 0.5),
-        norm=PowerNorm(0.4, 0.0, peak / unit or 1.0),  # forces of a few per cent are seen too
+        norm=PowerNorm(0.4, 0.0, peak / unit or 1.0),  # makes forces of a few per cent visible
     )
     figure.colorbar(image, cax=axis.inset_axes((1.012, 0.0, 0.014, 1.0)), label=f"force ({name})")
     axis.set_ylabel("pair")

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 STOP_SECONDS, END_SECONDS = 0.9, 1.2  # duration in s of the stop at the floor, and of the end
 # shortest flight, and longest shown part of flight and fall, in s
 MIN_FLIGHT_TIME, MAX_SHOWN_SECONDS = 0.2, 6.0
-MIN_SLOWDOWN = 10.0  # contacts that are slowed down less have no act of their own
+MIN_SLOWDOWN = 10.0  # contacts that are slowed down less have no separate act
 ACT_CAPTIONS = {"fall": "falling, in real time", "stop": "time stands still: the floor is reached",
         "flight": "flying, {}", "end": "the highest point of each ball"}
 PANEL_WIDTH, CHART_WIDTH = 3.2, 4.0  # width of the panels relative to a stage: stages keep their places on both pages

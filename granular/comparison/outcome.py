@@ -245,7 +245,7 @@ def energy_between_surfaces(run: Trajectory) -> Array:
     in `granular.measures.height`. Balls that lie on a floor therefore have no potential energy.
     """
     scene, balls = run.scene, ~run.scene.is_wall
-    start_height = (run.position[0] - np.append(0.0, run.gap[0].cumsum())[: scene.n])[balls]  # a ring has a gap more
+    start_height = (run.position[0] - np.append(0.0, run.gap[0].cumsum())[: scene.n])[balls]  # a ring has one more gap
     fixed = scene.gravity * (scene.mass[balls] @ start_height)
     if scene.external_force is not None:
         fixed -= scene.external_force[balls] @ start_height

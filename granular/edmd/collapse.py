@@ -204,7 +204,7 @@ def slowing_message(run: Any, events: int) -> str:
     if len(run.pace) == 2:
         (begin, start), (tail, t) = run.pace
         last, took = events - tail, run.time() - t
-        # The events of the last part came ten times as fast as those before.
+        # The events of the last part came ten times as fast as earlier events.
         if last > 0 and took * (tail - begin) < 0.1 * last * (t - start):
             text = (f"; the last {last} collisions took only {took:.3g} s: the balls cluster and slow down, perhaps "
                     "forever; use collapse='merge', tc= or elastic_below=")

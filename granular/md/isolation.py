@@ -174,7 +174,7 @@ class LogInterpolation:
         """
         if not len(x):
             return x
-        is_known = np.abs(x) < MAX_LOGARITHM  # False for nan, as of the speeds of an unstable run
+        is_known = np.abs(x) < MAX_LOGARITHM  # False for nan, such as speeds of an unstable run
         if not is_known.all():
             result = np.full(x.shape, np.inf)
             result[is_known] = self(x[is_known])

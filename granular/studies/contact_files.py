@@ -274,7 +274,7 @@ def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, A
                                   plain_text(", ".join(header), 200), "Name the columns of the file by `columns`."))
         try:
             converters: dict[int | str, Any] = {at["end"]: _end} if "end" in at else {}
-            with warnings.catch_warnings():  # of a file without rows, whose columns are empty
+            with warnings.catch_warnings():  # numpy warns of a file without rows, whose columns are empty
                 warnings.simplefilter("ignore", UserWarning)
                 rows = np.loadtxt(file, delimiter=",", usecols=list(at.values()), ndmin=2, encoding="utf-8",
                                   converters=converters)

@@ -16,7 +16,7 @@ from typing import Any
 
 from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
 
-# placeholders: `Stepper` replaces `begin`, `step` and EVALUATIONS_PER_STEP by those of its integrator
+# placeholders: `Stepper` replaces `begin`, `step` and EVALUATIONS_PER_STEP by the kernels of its integrator
 from granular.md.fixed.integrators import (
     CHANGED,
     CLOSED,

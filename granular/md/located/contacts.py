@@ -74,11 +74,11 @@ def apply_contact_event(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, 
     if event in (TURN, RELOAD):
         change_mode(pair, event)
     elif (event == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays_in_contact(pair, block.speed):
-        # the balls separate only by rounding error: the contact goes on, and the pair is dormant
+        # the balls separate only by rounding error: the contact continues, and the pair is dormant
         pair.mode, pair.xi = DORMANT, 0.0
         cancel_rate(pairs, pool, bodies, c)
     else:
-        if pair.going_on == 1:  # a contact has begun and not ended
+        if pair.going_on == 1:  # a contact has begun but not ended
             end_contact(run, pairs, pool, bodies, log, c)
         change_mode(pair, event)
         if event != END:  # the overlap ended, too: count isolated contacts of the next overlap from 0

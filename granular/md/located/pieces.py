@@ -246,7 +246,7 @@ def monotonic_sign(row: Any, tau: float) -> float:
     """
     sign, opposed = 1.0 if row[1] > 0.0 else -1.0, 0.0
     for j in range(SERIES_ORDER, 1, -1):
-        # only terms that oppose the first slope can turn the row round
+        # only terms that oppose the first slope can reverse it
         slope = sign * row[j]
         opposed = (opposed + j * slope if slope < 0.0 else opposed) * tau
     return sign if OPPOSED_SLOPE_SHARE * (sign * row[1]) + opposed > 0.0 else 0.0

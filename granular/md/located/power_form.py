@@ -159,7 +159,7 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
             if stops_impact == (step > 1.0):
                 break
             xi *= step
-    if not 1e-100 < xi < 1e100:  # the law cannot bear the weight, or stops no impact
+    if not 1e-100 < xi < 1e100:  # the law cannot bear the weight, or does not stop an impact
         return _rough_form(law, speed, 0.0) if gravity > 0.0 else _form_at_overlap(law, typical)
     return _form_at_overlap(law, xi)
 
@@ -182,7 +182,7 @@ def _force_exponent(law: PairLaw, xi: float) -> float:
     near, far = abs(_bounded_force(law, xi)), abs(_bounded_force(law, 1.01 * xi))
     if not 0.0 < near < math.inf or not 0.0 < far < math.inf:
         return 1.5
-    # the exponent only sets scales: limit it to those of common laws
+    # the exponent only sets scales: limit it to exponents of common laws
     return min(max(1.0, math.log(far / near) / math.log(1.01)), 3.0)
 
 

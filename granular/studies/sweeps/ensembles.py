@@ -343,7 +343,7 @@ class Draws:
         values = [int(random.integers(2**31)) if spec is None else spec(random) if callable(spec) else
                   float(spec[0] + spec[1] * random.standard_normal()) for spec in self.ways]
         case = replace(self.plan.case(values))
-        vars(case)["simulate"] = cache(case.simulate)  # several results ask for the same run
+        vars(case)["simulate"] = cache(case.simulate)  # several results use the same run
         return case
 
 
