@@ -36,7 +36,8 @@ def first_impact_speed(scene: Scene) -> float:
     closing = -scene.across(scene.velocity)
     gap = np.maximum(scene.gap, 0.0)
     rest = 0.0 if scene.rest_gap is None else scene.rest_gap
-    returns = (scene.closing_acceleration > 0.0) | (scene.pendulum > 0.0)  # a pair that separates returns at the same speed
+    # a pair that separates returns at the same speed
+    returns = (scene.closing_acceleration > 0.0) | (scene.pendulum > 0.0)
     from_flight = np.where(returns, closing**2, closing * np.abs(closing))
     square = from_flight + gap * (2.0 * scene.closing_acceleration + scene.pendulum**2 * (gap - 2.0 * rest))
     speed = np.sqrt(np.maximum(0.0, square))
