@@ -275,7 +275,8 @@ def compare(
         ``on_progress(reached, count)`` is called by both engines, one after the other, with the time reached in s and
         the number of contacts so far.
     progress : bool
-        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
 
     Returns
     -------

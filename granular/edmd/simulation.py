@@ -94,7 +94,8 @@ def simulate(
     on_progress : callable, optional
         ``on_progress(t, events)``, called repeatedly with the time reached in s and the number of collisions.
     progress : bool
-        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
     engine : str
         "sorted" (the reference), "compiled" (numba, bitwise identical results, only for constant restitution and
         sequential ties) or "auto" (default). "auto" starts with "sorted" and switches to "compiled" as soon as

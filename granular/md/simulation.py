@@ -103,8 +103,8 @@ def simulate(
         ``on_progress(reached, count)`` is called repeatedly during the run, with the simulated time reached in s and
         the number of contacts.
     progress : bool
-        Whether to show the progress of runs longer than 2 s on standard error, as a bar if tqdm is installed. Defaults
-        to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
     engine : {"auto", "plain", "compiled"}
         Interpreted or compiled by numba (extra ``fast``). Results are bitwise identical. "auto", the default, starts
         interpreted and switches to compiled code once that saves time and if the law compiles. If it does not compile,

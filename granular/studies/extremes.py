@@ -260,7 +260,8 @@ def stability(
     on_progress : callable, optional
         ``on_progress(reached, count)`` is called after each run with the fraction of finished runs and their number.
     progress : bool
-        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
     **fixed
         Parameters of the scene, as in `granular.sweep`.
 

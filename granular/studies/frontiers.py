@@ -80,7 +80,8 @@ def frontier(
         ``on_progress(reached, count)`` is called after each setting of a method, with the fraction of finished settings
         and their number.
     progress : bool
-        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
 
     Returns
     -------

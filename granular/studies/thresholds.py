@@ -76,7 +76,8 @@ def threshold(
         ``on_progress(reached, count)`` is called with the finished fraction of the work, as far as it is known, and the
         number of values tried.
     progress : bool
-        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
     **fixed
         Other parameters, as in `granular.sweep`.
 

@@ -98,7 +98,8 @@ def sweep(
         ``on_progress(reached, count)`` is called with two numbers. `reached` is the fraction of this call's cells that
         are solved. `count` is the number of all solved cells, including the cells of a file.
     progress : bool
-        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
     **fixed
         Parameters that have the same value in all cells.
 

@@ -91,7 +91,8 @@ def sensitivity(
         ``on_progress(reached, count)`` is called after each parameter, with the fraction and the number of finished
         parameters.
     progress : bool
-        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
+        Whether to show the progress on standard error: as a bar after 2 s if tqdm is installed, otherwise as a line
+        every 30 s. Defaults to False.
     **fixed
         Other parameters, as in `granular.sweep`.
 
