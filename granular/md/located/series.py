@@ -84,7 +84,7 @@ def expand_series(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, fie
 
 @kernel
 def prepare_series(pair: Any, q: int) -> None:
-    """Write the coefficients below order q, and set coefficients that are not computed to 0."""
+    """Write coefficients below order q, and 0 for coefficients that are not computed."""
     pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(1, q):
         pair.x[n], pair.e[n] = 0.0, 0.0

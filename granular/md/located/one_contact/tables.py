@@ -193,7 +193,10 @@ def table_value(table: Any, q: int, z: float) -> float:
 
 @kernel
 def tabled_map(table: Any, elastic: int, v: float) -> tuple[float, float, float, float]:
-    """Return the map (t1, t2, v1, v2) of a contact at approach speed `v`, see `maps`."""
+    """Return the map (t1, t2, v1, v2) of a contact at approach speed `v`.
+
+    `maps` defines these quantities.
+    """
     # the mantissa of an octave is in [0.5, 1)
     z = 4.0 * math.frexp(v)[0] - 3.0
     t1, t2 = table_value(table, 0, z), table_value(table, 1, z)
