@@ -120,7 +120,8 @@ def test_kinks_without_number_are_no_creeping():
 @pytest.mark.parametrize("scene", SCENES)
 def test_force_that_hangs_on_the_rate_alone(scene, how, force):
     words = r", Own\(\), must repel bodies at rest at some overlap, got a force of .* N at rate .* m/s at every overlap"
-    with pytest.raises(ValueError, match=words + r", and none at rest\. Are the arguments \(xi, xi_dot, pair\)\?"):
+    fix = r"Check that the arguments of `force` are \(xi, xi_dot, pair\)\."
+    with pytest.raises(ValueError, match=words + r", and none at rest\. " + fix):
         gr.md.simulate(SCENES[scene][0], own(force), t_end=0.02, **how)
 
 
@@ -128,7 +129,7 @@ def test_trait_without_a_spring():
     law = own(lambda self, xi, xi_dot, pair: 1e7 * xi_dot, linear=lambda self, pair: (0.0, 1e7))
     with pytest.raises(ValueError, match=r"The law of pair 0–1, Own\(\), must repel bodies at rest at some overlap, "
                                          r"got a force of 10000000\.0 N at rate 1 m/s at every overlap, and none "
-                                         r"at rest\. Are the arguments \(xi, xi_dot, pair\)\?"):
+                                         r"at rest\. Check that the arguments of `force` are \(xi, xi_dot, pair\)\."):
         gr.md.simulate(SCENES["row"][0], law)
 
 
