@@ -32,7 +32,7 @@ def timed(benchmark, run):
     return result
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.benchmark(group="three balls")
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 @pytest.mark.parametrize("method", METHODS)
@@ -44,7 +44,7 @@ def test_three_balls(benchmark, method, engine):
     assert run.count(1) == 4
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.benchmark(group="chain of Hertz balls, 100 steps")
 @pytest.mark.parametrize(("engine", "n"), [("plain", 10), ("plain", 100)] + [("compiled", 10**e) for e in (1, 2, 3, 4)])
 @pytest.mark.parametrize("method", METHODS[1:])
@@ -54,7 +54,7 @@ def test_chain(benchmark, method, engine, n):
     assert timed(benchmark, lambda: gr.md.simulate(scene, gr.Hertz(1e4), **options)).stats["steps"] == 100
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.benchmark(group="cluster of touching balls, located")
 @pytest.mark.parametrize("n", [2, 4, 8, 16])
 @pytest.mark.parametrize("law", [gr.LinearDashpot(1e6), gr.Hertz(1e6)], ids=["spring", "Hertz"])
@@ -64,7 +64,7 @@ def test_cluster(benchmark, law, n):
     assert run.stats["contacts"] >= n - 1
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.benchmark(group="soft gas, located")
 @pytest.mark.parametrize("n", [10, 100, 1000])
 def test_soft_gas(benchmark, n):
@@ -73,7 +73,7 @@ def test_soft_gas(benchmark, n):
     assert run.stats["contacts"] == 1000
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.benchmark(group="hard gas, 2000 collisions")
 @pytest.mark.parametrize("n", [10, 100, 1000, 10_000])
 @pytest.mark.parametrize("queue", ["sorted", "compiled"])
@@ -83,7 +83,7 @@ def test_hard_gas(benchmark, queue, n):
     assert run.stats["events"] == 2000
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.benchmark(group="map of three balls")
 @pytest.mark.parametrize("size", [4, 8, 16])
 def test_map(benchmark, size):

@@ -8,7 +8,7 @@ import pytest
 from bench.leaving_out import RUN_PAIRS
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("present", [False, True], ids=["without", "with"])
 @pytest.mark.parametrize("feature", RUN_PAIRS)
 def test_leaving_out(benchmark, feature, present):

@@ -14,7 +14,7 @@ START_SCRIPTS = {
 }
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.benchmark(group="start of a process", min_rounds=3)
 @pytest.mark.parametrize("what", START_SCRIPTS)
 def test_start(benchmark, what):

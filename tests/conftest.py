@@ -1,4 +1,6 @@
-"""Every test has an environment of its own; those that make machine code come first; of some a commit runs a third."""
+"""Every test has an environment of its own; those that make machine code come first; some run
+in one commit of five.
+"""
 
 import gc
 import importlib
@@ -20,12 +22,12 @@ with suppress(ImportError):  # files marked `core` do without
 
     settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
     settings.load_profile("same")
-MAKERS = ("edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located/test_compiled", "located/test_rest",
+MAKERS = ("studies/test_sweeps_ways", "edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located/test_compiled", "located/test_rest",
           "fixed/test_engines")
 """Files that have machine code made for nearly all that others need."""
 TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "comparison/test_episodes",
           "comparison/test_figure", "comparison/test_driven_compare", "comparison/test_costs",
-          "studies/test_sweeps", "studies/test_sweeps_cases", "studies/test_sweeps_saved", "studies/test_sweeps_ways")
+          "studies/test_sweeps", "studies/test_sweeps_cases", "studies/test_sweeps_saved")
 """Files that need much of it: the other worker must not come to them while it is being made."""
 PATIENCE = {
     "granular.md.located.run": {"LOCATED_COMPILE_SECONDS": math.inf},
@@ -34,7 +36,8 @@ PATIENCE = {
     "granular.studies.sweeps.schedule": {"COMPILING_SECONDS": math.inf},
 }
 """How long "auto" waits before it makes machine code, by modules and the names of their limits."""
-
+SHARES = 5
+"""Number of commits after which all cases marked `rotating` have run once, on average."""
 
 HERE = Path(__file__).parent
 assert [name for name in (*MAKERS, *TAKERS) if not (HERE / f"{name}.py").is_file()] == []
@@ -47,26 +50,26 @@ def place(item):
 
 @cache
 def turn():
-    """Which third of the cases marked `thirds` this commit runs; the first without git."""
+    """Return which share of the cases marked `rotating` this commit runs: 0 to `SHARES` - 1, or 0 without git."""
     done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=HERE, capture_output=True, text=True,
                           check=False)
-    return int(done.stdout.strip() or "0", 16) % 3
+    return int(done.stdout.strip() or "0", 16) % SHARES
 
 
 def pytest_collection_modifyitems(config, items):
     """Have the makers run first, all by one worker, and the takers last: from an empty cache, the other worker would
     make the same code again.
 
-    Of cases marked `thirds` a run of whole folders has each third one, which by commit and, for single ones, by name,
-    its soak the others; of files, all.
+    A run of whole folders has one of `SHARES` cases marked `rotating`. The commit and the name of the test select the
+    share. The other cases belong to the soak. A run of named files has all of them.
     """
     items.sort(key=lambda item: (place(item) not in MAKERS) + (place(item) in TAKERS))
     if all(Path(name).is_dir() for name in config.args):
         count = Counter()
         for item in items:
-            if item.get_closest_marker("thirds"):
+            if item.get_closest_marker("rotating"):
                 count[item.originalname] += 1
-                if (count[item.originalname] + len(item.originalname) + turn()) % 3:
+                if (count[item.originalname] + len(item.originalname) + turn()) % SHARES:
                     item.add_marker("soak")
 
 

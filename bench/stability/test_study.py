@@ -84,7 +84,7 @@ def test_running_twice_gives_the_same_errors() -> None:
     assert [cell.error for cell in first.cells] == [cell.error for cell in second.cells]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_stability_limits_against_theory() -> None:
     for row in limits((1, 5)):
         if math.isfinite(row.theory):
@@ -187,7 +187,7 @@ def some(cells: Callable[[], Any]) -> list[tuple[Cell, Trajectory]]:
     return [(cell, rerun_function(cell, "located", plain=True)()) for cell in every[:: 1 + len(every) // 4]]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("cells", "change"), [
     (contact.powers, shifted("velocity", 1e-9)), (contact.powers, logged("duration", 1e-9)), (contact.powers, twice),
     (contact.kinks, shifted("velocity", 1e-9)), (contact.kinks, logged("xi_max", 1e-9)),
@@ -222,7 +222,7 @@ def test_a_run_that_ends_at_rest_before_its_end_is_found() -> None:
     assert cell.truth.error(run, None) == math.inf
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("tol", [1e-4, 1e-9])
 def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
     estimates = []
@@ -265,7 +265,7 @@ def test_misuse_is_one_sentence() -> None:
         stability(seconds=0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_the_command(capsys: pytest.CaptureFixture[str], tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("bench.stability.__main__.PAGE_PATH", tmp_path / "a part of it is no page")
     path = tmp_path / "table.json"

@@ -163,7 +163,7 @@ def test_a_reader_that_stops_reading_is_no_error():
     assert done.stderr == ""
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="the system has no /dev/full")
 @pytest.mark.parametrize("line", ["--help", "run --help", "scenes"])
 def test_a_full_disk_is_no_success(line):

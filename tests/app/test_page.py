@@ -180,7 +180,7 @@ def test_text_cannot_break_out_of_the_page(tmp_path) -> None:
     assert "<title>&quot;&gt;&lt;b&gt;" in assemble.page(assemble.PLAYER_PARTS, '"><b>', data={})
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("third", range(3))
 def test_numerics_by_node(third) -> None:
     node = shutil.which("node")

@@ -34,7 +34,7 @@ def test_every_command_has_its_lines():
     assert list(LINES) == list(COMMAND_CLASSES)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("columns", ["", "60", "100"])
 @pytest.mark.parametrize("name", LINES)
 def test_output_fits_in_the_terminal(granular, monkeypatch, name, columns):

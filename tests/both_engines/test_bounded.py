@@ -45,7 +45,7 @@ def test_the_frontier_knows_the_scene(name, options):
     assert ("dop853" in {row.method for row in found.rows}) is not case.scene.heated
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @EACH
 @pytest.mark.parametrize("engine", ["edmd", "md"])
 def test_a_recording_holds_the_whole_run(name, options, engine, granular, tmp_path):

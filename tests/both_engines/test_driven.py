@@ -47,7 +47,7 @@ def test_from_which_shaking_on():
         assert value.verdict == ("holds" if value.measure <= 0.01 else "fails")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_up_to_which_shaking_contacts_are_isolated():
     column = gr.scenes.vibrated_column(2, gamma=1.0, frequency=30.0)
     case = gr.Case(column, gr.LinearDashpot.from_restitution(0.7, k=1e4, pair=column.pairs[0]), t_end=0.5)
@@ -67,7 +67,7 @@ def test_error_against_run_time_of_a_driven_scene(monkeypatch):
     assert 1e-3 < hard.velocity_error < 1.0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", ["dop853", "dop853+events"])
 def test_scipy_s_answers_beside_a_driven_wall(name):
     pytest.importorskip("mpmath")

@@ -67,7 +67,7 @@ def trajectory(of, **more):
 # --- one scene, whoever keeps it ----------------------------------------------------------------------------------
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(40))
 def test_a_scene_comes_back_from_every_file(seed, tmp_path):
     one = at_random(seed)

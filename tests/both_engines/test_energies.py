@@ -41,7 +41,7 @@ def closing(log):
     return log["v_in"] @ (1.0, -1.0), log["v_out"] @ (1.0, -1.0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", [name for name in draw.LAWS if name not in ("Walton-Braun", "own with memory")])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_sum_is_what_the_energy_balance_loses(name, seed):
@@ -76,7 +76,7 @@ def scenes_of_special_kinds():
             "stopped": (THREE, {"until": gr.until.speed(2, above=4.0)})}
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", scenes_of_special_kinds())
 def test_the_sum_in_scenes_of_every_kind(kind):
     scene, options = scenes_of_special_kinds()[kind]
@@ -86,7 +86,7 @@ def test_the_sum_in_scenes_of_every_kind(kind):
     assert imbalance(run) <= 1e-12
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("law", "accuracy"), [
     (gr.LinearDashpot(1e6, 100.0), 1e-12), (gr.Hertz(1e8), 1e-12), (gr.ViscoelasticHertz(1e8, 1e4), 1e-12),
     (gr.TsujiHertz(1e8, 0.3), 1e-12), (draw.Stiffening(1e6, 1e9, 100.0), 1e-12),
@@ -213,7 +213,7 @@ def test_hard_spheres_keep_their_energies(tmp_path):
         assert other.dissipated.tobytes() == run.dissipated.tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_who_does_not_read_the_column_does_not_pay_for_it():
     calls = []
 
@@ -234,7 +234,7 @@ def test_who_does_not_read_the_column_does_not_pay_for_it():
     assert run.contacts["force_max"].tobytes() == forces
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", [BASE, gr.ViscoelasticHertz(1e8, 1e4), draw.OwnHertz(1e8)],
                          ids=["dashpot", "viscoelastic", "own"])
 def test_resumed_runs_have_the_energies_of_the_whole_run(law, tmp_path):
@@ -278,7 +278,7 @@ def test_compiled_energies_are_the_same_bits(options, monkeypatch):
 LAWS_WITH_A_POTENTIAL = [gr.LinearDashpot(1e5, 100.0), gr.ViscoelasticHertz(1e7, 3e4), draw.OwnDashpot(1e5, 100.0)]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", LAWS_WITH_A_POTENTIAL, ids=lambda law: type(law).__name__)
 def test_the_rate_is_the_derivative_of_the_dissipated_energy(law):
     scene = gr.Scene([1.0, 0.6, 0.3], [0.05] * 3, [1e-6, 0.0], [1.0, 0.0, 0.0])

@@ -45,7 +45,7 @@ def flag(name, value):
     return f"--{name.replace('_', '-')} {' '.join(words)}"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("seed", range(16))
 def test_all_fronts_give_the_same_numbers(seed, granular, tmp_path):

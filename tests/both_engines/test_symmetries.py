@@ -97,7 +97,7 @@ def test_hard_spheres_from_a_moving_train(scene: gr.Scene) -> None:
     assert np.allclose(train.position[-1] - run.position[-1], -1.5, atol=1e-9)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @SOFT
 @quick(7)
 @given(soft_scenes(STEADY, walls=MOVING, gaps=ALL, **SMALL))
@@ -135,7 +135,7 @@ def test_hard_spheres_in_a_mirror(scene: gr.Scene) -> None:
     same(run, -image.velocity[-1][::-1], image, range(scene.n_pairs)[::-1])
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @SOFT
 @quick(7)
 @given(soft_scenes(STEADY, walls=MOVING, gravity=(0.0,), gaps=ALL, **SMALL))
@@ -180,7 +180,7 @@ def in_other_units(scene: gr.Scene, laws: Any, method: str) -> gr.Trajectory:
     return soft(units(scene), tuple(map(rescaled, laws)), method, samples=5, t_end=0.25 * TIME, **step)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @SOFT
 @quick(7)
 @given(st.data())
@@ -222,7 +222,7 @@ def test_elastic_hard_spheres_run_back(scene: gr.Scene) -> None:
     assert back.contacts["pair"].tolist() == there.contacts["pair"].tolist()[::-1]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @quick(8)
 @given(soft_scenes(ELASTIC, walls=MOVING, gaps=("wide", "equal", "overlapping"), **SMALL))
 def test_elastic_soft_spheres_run_back(drawn: Any) -> None:
@@ -236,7 +236,7 @@ def test_elastic_soft_spheres_run_back(drawn: Any) -> None:
     assert np.allclose(back.gap[-1], scene.gap, rtol=0, atol=1e-9 * (size(there) + abs(scene.gap).max()))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @quick(7)
 @given(soft_scenes(NO_MEMORY, gaps=ALL, **SMALL))
 def test_soft_spheres_in_two_parts(drawn: Any) -> None:

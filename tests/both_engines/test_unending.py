@@ -57,7 +57,7 @@ ENCLOSED = {
 CLASSES = FALLING | ENCLOSED
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("make", CLASSES.values(), ids=CLASSES)
 def test_scenes_that_never_end_are_refused_by_everyone(make, seed):
@@ -94,7 +94,7 @@ def near_misses(rng):
         yield boxed, ELASTIC, remedy | LIMITED
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(4))
 def test_scenes_beside_the_classes_are_not_refused(seed):
     for scene, rule, options in near_misses(np.random.default_rng([12, seed])):
@@ -119,7 +119,7 @@ def checks_only(scene, rule, **options):
         gr.edmd.simulate(scene, rule, on_event=stop, **options)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("count", [50, pytest.param(150, marks=pytest.mark.soak)])
 def test_what_ends_is_not_refused(count):
     """A random elastic scene that ends with a status of its own is in no class."""

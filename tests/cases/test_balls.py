@@ -140,7 +140,7 @@ def compared(case):
     return gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end, engine="plain")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_library_file_command_and_page_say_the_same_of_real_balls(capsys, tmp_path) -> None:
     random, asked, rises = np.random.default_rng(624), [], []
     for i, (lower, upper, _) in enumerate(PRESETS):

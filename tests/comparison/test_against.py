@@ -61,7 +61,7 @@ def offset_is_found(name, engine, rng, samples):
     assert f"Clock: their t = {apart.offset:.9g} s is t = 0 of the scene" in str(apart)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("name", "engine"), [("drop", "hard"), ("line", "soft")])
 def test_the_clock_of_a_run_is_found_to_rounding(name, engine):
     offset_is_found(name, engine, np.random.default_rng([7, len(name)]), 40)
@@ -101,7 +101,7 @@ def test_a_run_without_motion_has_no_clock_and_one_before_the_scene_is_unknown_t
     assert not apart.soft[1].any()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("altered", "sentence"), [
     ({"position": [0.0, 0.5]}, r"at t = 0 s the gap floor–1 is 1\.5 m, not 1 \(hard\) or 1 \(soft\)\."),
     ({"position": [0.0, -0.2]}, r"at t = 0 s the gap floor–1 is 0\.8 m, not 1 \(hard\) or 1 \(soft\)\."),
@@ -147,7 +147,7 @@ def falling(drag, rate=60.0, noise=0.0, seed=0):
     return gr.Trajectory.from_arrays(DROP, np.arange(len(places)) / rate, position=rows)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("drag", "noise", "said"), [(0.0, 0.0, 0), (0.0, 1e-3, 0), (0.0, 5e-3, 0), (0.1, 0.0, 1),
                                                      (0.1, 1e-3, 1), (1.0, 1e-3, 1)])
 def test_a_flight_that_is_not_a_parabola_is_reported(drag, noise, said):
@@ -159,7 +159,7 @@ def test_a_flight_that_is_not_a_parabola_is_reported(drag, noise, said):
         assert first < last  # more than g on the way up, and less on the way down
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("count", [100, 1000])
 def test_balls_at_rest_and_in_flight_do_not_show_drag_at_any_sampling_rate(count):
     """Rounding errors of the positions of a ball at rest are not noise."""

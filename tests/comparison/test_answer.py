@@ -137,7 +137,7 @@ def test_contacts_of_touching_balls_are_not_taken_for_rounding():
     assert len(cradle.counted[1].contacts) == len(cradle.soft.contacts)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("k", "verdict"), [
     (1e6, "Yes, trivially: nothing collides; soft spheres overlap by 5.67e-05 m under their weight."),
     (1e2, "No: nothing collides, but soft spheres sink"),
@@ -187,7 +187,7 @@ def mirror_box(rng):
                     [*still, *velocity, *still])
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_answer_at_the_instant_of_a_collision_is_the_answer_before_or_after_it():
     """The balls of mirror images collide at one instant, up to rounding. With an end there, some of these collisions
     may be missing in one run."""
@@ -269,7 +269,7 @@ def test_apex_of_the_last_flight_is_that_of_the_continued_run(monkeypatch):
     assert used >= 4
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("power", [1.0, 1.5])
 def test_a_pull_that_is_cut_to_zero_is_no_contact_of_its_own(power):
     """Where the force begins below zero, an engine may log a contact without any force before the one that repels."""

@@ -13,7 +13,7 @@ INF = math.inf
 ON_FLOOR = {"mass": [INF, 1.0], "radius": [0.0, 0.05], "gap": [0.0], "velocity": [0.0, 0.0]}
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("law", "answer"), [
     (gr.LinearDashpot(1e3, 200.0), gr.Answer.no), (gr.LinearDashpot(1.5e4, 20.0), gr.Answer.no),
     (gr.LinearDashpot(1e3, 5000.0), gr.Answer.no), (gr.LinearDashpot(1e5, 2000.0), gr.Answer.yes),
@@ -28,7 +28,7 @@ def test_a_ball_that_rests_sinks_as_far_as_it_will(law, answer, height) -> None:
     assert gr.measures.static_overlaps(found.soft) == pytest.approx([9.81 / law.k], rel=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_static_overlaps_are_those_of_a_run_that_has_settled() -> None:
     rng = np.random.default_rng(3)
     for law in (gr.LinearDashpot(1e4, 60.0), gr.ViscoelasticHertz(1e6, 4e4)):
@@ -61,7 +61,7 @@ class Dent:
         return min(1e5 * xi, max(1e5 * xi_max - 5e5 * (xi_max - xi), 0.0)) + 5.0 * xi_dot
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("gap", "law"), [
     (1e-5, gr.LinearDashpot.from_restitution(0.7, k=0.981 / 8e-5, pair=gr.Pair(0.1, 0.01, 0))),
     (0.0, gr.LinearDashpot(1.01e4, 1.0)), pytest.param(0.05, Dent(), marks=pytest.mark.soak),
@@ -72,7 +72,7 @@ def test_the_largest_overlap_counts_with_an_end_or_without(gap, law) -> None:
     assert [gr.compare(scene, law, t_end=end).answer for end in (None, 20.0)] == [gr.Answer.no] * 2
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_contact_cut_in_its_middle_is_waited_for() -> None:
     scene = gr.Scene([INF, 0.1], [0.0, 0.01], [1e-3], [0.0, 0.0], 9.81)
     law = gr.LinearDashpot.from_restitution(0.9, k=1e8, pair=scene.pairs[0])
@@ -117,7 +117,7 @@ def test_what_happens_after_the_end_decides_nothing_about_balls_at_rest(seed, me
     assert soon.error == pytest.approx(late.error, rel=1e-6)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("mass", "gap", "velocity", "t_end"), [
     ([INF, 2.0, 1.0, 1.0], [0.1, 0.0, 0.0], [0.0, -1.0, -1.0, -1.0], 0.39),
     ([INF, 1.0, 1.0, 1.0, INF], [0.1, 0.0, 0.0, 0.1], [0.0] * 5, 0.6),

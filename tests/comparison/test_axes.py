@@ -24,7 +24,7 @@ def test_figure_shows_contacts_however_short_beside_its_span(gas):
     assert high * 1e3 == pytest.approx(gas.soft.contacts["force_max"].max(), rel=1e-12)  # in kN
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_force_map_loses_no_contact_of_very_many():
     busy = gr.compare(gr.scenes.gas(40), gr.LinearDashpot(1e12), t_end=200.0)
     log = busy.soft.contacts
@@ -72,7 +72,7 @@ def test_hard_marks_at_the_start_are_not_cut():
     assert cradle.plot().axes[0].get_xlim()[0] < 0.0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_late_straggler_does_not_squeeze_the_picture():
     from granular.comparison.view import window
 

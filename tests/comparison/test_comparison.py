@@ -77,7 +77,7 @@ def test_table_reads_well(report):
     assert text.splitlines()[0] == str(report).splitlines()[0] == report.verdict
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", ["three-balls", "newtons-cradle", "ball-stack", "bouncing-ball", "heated-gas"])
 def test_what_one_needs_is_within_twenty_lines(name):
     report = gr.cases.make(name, **({"n": 8, "t_end": 0.5} if name == "heated-gas" else {}))
@@ -158,7 +158,7 @@ def test_json_is_whole_and_strict(report, tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_figure_is_drawn(report, tmp_path):
     report.plot(tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

@@ -39,7 +39,7 @@ def test_a_contact_at_a_shaken_wall_is_followed_in_its_phase():
     assert row["v_out"].tolist() == pytest.approx(first["v_out"].tolist(), rel=1e-3)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_no_contact_is_followed_beyond_the_path_of_a_wall():
     scene = gr.Scene([INF, 1.0], [0.0, 0.0], [0.0], [0.0, -1.0], floor=Piecewise([0.0, 0.01], [[0.5], [0.0]]))
     law = gr.LinearDashpot(1e4)

@@ -24,7 +24,7 @@ def drawn(kind, seed):
     return gr.compare(scene, law, t_end=end, max_events=20_000)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", KINDS)
 def test_error_and_episodes_are_those_of_plain_loops(kind):
     known = linked = 0
@@ -106,7 +106,7 @@ def mirror(report):
                       t_end=report.t_end, ties="right", max_events=20_000)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", ["free", "floor", "box"])
 def test_mirror_image_has_the_same_error_and_the_mirrored_ball_decides(kind):
     seen = 0
@@ -148,7 +148,7 @@ def dropped_stacks():
     return [one for one in reports if not math.isnan(one.error) and max(one.shifts, default=0.0) <= 1e-10]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("units", "close"), [((2.0**10, 2.0**10, 2.0**6), 1e-12), ((1e3, 1e3, 1e9), 1e-6)])
 def test_units_change_nothing(units, close):
     reports = dropped_stacks()
@@ -159,7 +159,7 @@ def test_units_change_nothing(units, close):
         assert (other.deciding is None) == (report.deciding is None)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("make", [
     lambda k: gr.Hertz(1e7 * k(1.0, 1.5)), lambda k: gr.ViscoelasticHertz(1e7 * k(1.0, 1.5), 1e3 * k(1.0, 0.5, -1.0)),
     lambda k: gr.LinearDashpot(1e6 * k(1.0, 1.0), 50.0 * k(1.0, 0.0, -1.0)),
@@ -207,7 +207,7 @@ def test_a_free_flight_between_two_episodes_does_decide():
     assert report.to_dict()["deciding"]["ball"] == 1
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_balls_pressed_together_in_flight_are_compared_when_they_leave_a_wall():
     """They are in a contact without end, but rest on nothing: hard ones stay at the wall, soft ones bounce off."""
     scene = gr.Scene([INF, 1.0, 1.0], [0, 0.1, 0.1], [0.5, 0.1], [0, 0.0, -2.0], external_force=[0.0, 20.0, -20.0])

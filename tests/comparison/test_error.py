@@ -72,7 +72,7 @@ def reports():
     return whole
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_error_is_the_written_formula(reports):
     alone = [report for report in reports if len(by_components(report)) == 1]
     assert len(alone) > 30
@@ -100,7 +100,7 @@ def touching_balls(rng):
     return gr.Scene(mass, np.full(n, 0.1), gap, velocity), max(closing[np.array(when) == min(when)])
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("ties", ["left", "right", "random", "newton", "poisson", "reflect"])
 def test_impact_speed_is_that_of_the_scene_whatever_the_tie_rule(ties):
     rng, seen = np.random.default_rng(5), 0
@@ -285,7 +285,7 @@ def test_restitution_of_law_and_rule_are_told_apart():
     assert "their force law" not in compared("three-balls").details()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", [name for name in cases.names() if name != "compressed-chain"])  # overlaps: not hard
 def test_no_line_of_a_report_is_nan(name):
     report = compared(name)
@@ -310,7 +310,7 @@ def test_log_by_pair_is_the_log_of_each_pair():
         assert run.of(c).tobytes() == rows.tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_laws_alike_are_computed_once_and_give_what_each_gives():
     scene = gr.scenes.gas(12)
     law = [Own(1e9), *[gr.LinearDashpot.from_restitution(0.9, k=5e7, pair=p) for p in scene.pairs[1:]]]

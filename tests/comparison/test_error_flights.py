@@ -52,13 +52,13 @@ def check(kind, seeds):
     return found
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", FAST_KINDS)
 def test_flights_after_a_yes_agree(kind):
     assert check(kind, range(12)) >= 4
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("kind", "seeds"), [("stack", range(3)), ("stack", range(3, 8)), ("pile_hit", [1, 3])])
 def test_flights_of_stacks_and_piles_after_a_yes_agree(kind, seeds):
     assert check(kind, seeds) >= 1

@@ -51,7 +51,7 @@ def test_the_lens_shows_the_four_hops_on_their_own_scale(two, drawn):
     assert lens.get_xlim() == panel(drawn, "position").get_xlim()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(5))
 def test_every_hop_is_on_the_axis_and_of_the_right_height(seed):
     random = np.random.default_rng([16, seed])
@@ -69,7 +69,7 @@ def test_every_hop_is_on_the_axis_and_of_the_right_height(seed):
         assert lens.get_xlim()[0] < look.view.clock(time) < lens.get_xlim()[1]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
     row = gr.Scene([1.0] * 4, [0.0] * 4, [0.1, 0.2, 0.15], [1.0, 0.3, 0.0, -1.0])
     report = compared(row, 0.1, 1e5, t_end=2.0)
@@ -83,7 +83,7 @@ def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
     assert [line.get_label() for line in marks] == ["end of the hard run: collapse"]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_the_end_of_a_hard_path_that_goes_on_to_a_collapse_is_marked():
     scene = gr.scenes.three_balls()
     report = gr.compare(scene, gr.LinearDashpot(5e7, 1e6), gr.ConstantRestitution(0.1), until=gr.until.contact(0, 2),
@@ -110,7 +110,7 @@ def test_the_picture_says_with_what_it_was_made(two, drawn):
     assert {axis.get_ylabel() for axis in drawn.axes} >= {"force of\n1–2 (N)", "force of\nfloor–1 (kN)"}
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_words_stay_within_the_picture(drawn):
     canvas = pytest.importorskip("matplotlib.backends.backend_agg").FigureCanvasAgg(drawn)
     canvas.draw()

@@ -28,7 +28,7 @@ def cradle():
     return window(gr.compare(gr.scenes.newtons_cradle(5), gr.Hertz(1e9), until=gr.until.separated()))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_fall_has_three_times_each_with_its_own_rate(two):
     fps = 20
     story = Story(two, 6.0, fps)
@@ -73,7 +73,7 @@ def test_one_slow_motion_where_it_is_asked_for_or_nothing_falls(two, cradle):
     assert list(Story(window(bouncing), 5.0, 10).acts) == ["slow"]  # contacts and flights take turns
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("name", "charts"), [("two", True), ("cradle", False)])
 def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, request):
     pictures = Story(request.getfixturevalue(name), 1.0, 10, charts=charts).pictures()
@@ -92,7 +92,7 @@ def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, req
     assert pictures[-1][1] == len(pictures[-1][0].titles) - 1
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_balls_stand_in_a_row_without_gravity_and_upright_with_it(two, cradle):
     for view, along in ((two, 1), (cradle, 0)):
         (page,) = {page for page, _ in Story(view, 1.0, 10, whole=False).pictures()}
@@ -129,7 +129,7 @@ def balls_of(page, name):
     return [path[:, 1] for artist, path in page.moving if artist.axes is page.axes[name] and artist.get_gid() == "ball"]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("third", range(3))
 @pytest.mark.usefixtures("interpreted")
 def test_the_last_picture_is_what_the_report_says_of_random_drops(third):
@@ -157,7 +157,7 @@ def test_the_last_picture_is_what_the_report_says_of_random_drops(third):
     assert shown > 28
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_ticks_and_numbers_of_the_last_picture_are_the_rises(two):
     page, k = Story(two, 1.0, 10, charts=False).pictures()[-1]
     page.show(0)
@@ -197,7 +197,7 @@ def test_what_is_followed_no_farther_leaves_the_picture(two, monkeypatch):
     assert np.isnan(further.Continuation(two.report, "hard").heights(np.array([0.1, 20.0, 30.0]))).sum() == 6
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
     """Before, the words at a height that is not shown pushed all axes out of the layout."""
     high = window(compared(gr.scenes.three_balls(gap=1e-4, height=1e5), until=gr.until.contact(0, 2)))
@@ -207,7 +207,7 @@ def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
     assert title.y1 < min(text.get_window_extent().y0 for text in page.figure.texts)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_the_number_of_a_ball_leaves_the_picture_with_it():
     """Before, the number of a ball above the stage stood over the words."""
     stack = window(compared(gr.scenes.ball_stack(4, 0.1, gap=1e-4), until=gr.until.contact(0, 2)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_film(tmp_path, cradle) -> None:
     image = pytest.importorskip("PIL.Image")
     pytest.importorskip("matplotlib")
@@ -26,7 +26,7 @@ def test_a_film_for_slides(tmp_path, cradle) -> None:
     assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_every_picture_reaches_ffmpeg_and_nothing_is_left_where_it_fails(tmp_path, cradle, monkeypatch) -> None:
     pytest.importorskip("matplotlib")
     stand_in = tmp_path / "ffmpeg"

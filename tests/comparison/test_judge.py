@@ -33,7 +33,7 @@ def same(kind, seed):
     return report.answer is A.undecided
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_judge_of_the_page_says_the_same(kind):
     assert sum(same(kind, seed) for seed in range(FEW.get(kind, 3))) == 0
@@ -58,7 +58,7 @@ def same_outcome(question):
         assert report.error == pytest.approx(own.error, rel=NUMBERS, abs=1e-6, nan_ok=True)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", [kind for kind in OUTCOME_KINDS if kind not in ("threshold", "pile_hit")])
 @pytest.mark.usefixtures("interpreted")
 def test_the_judge_of_the_page_gives_the_same_outcomes(kind):
@@ -72,7 +72,7 @@ def test_the_judge_of_the_page_gives_the_same_for_known_outcomes(question):
     same_outcome(question)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_ring_that_is_cut_in_a_closer_look_at_a_cascade_can_be_gone_on_with():
     scene, law, t_end = question("ring", 122)
     rule = gr.restitution_of(law)
@@ -199,7 +199,7 @@ def column(t_end):
     return gr.compare(scene, gr.LinearDashpot(1e8), t_end=t_end)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("scene", "answer"), [
     (rest, A.no), (two_on_a_floor, A.no), (lambda: side(300.0), A.no), (lambda: side(1e-2), A.no), (pile, A.yes),
     (lambda: pile(1e3), A.no), (ball, A.yes), (lambda: ball(t_end=5.0), A.yes), (lambda: ball(t_end=0.4515), A.yes),
@@ -221,7 +221,7 @@ def test_scenes_whose_answer_is_known(scene, answer):
     assert report.verdict.startswith(answer.value)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("kind", "seed"), [("resting", 23), ("piecewise", 58), ("piecewise", 93), ("resting", 86)])
 def test_what_a_soak_found(kind, seed):
     """A run under another tie rule that collapses is carried on; one that is gone on with has instants too."""
@@ -322,7 +322,7 @@ def neighbours_change_nothing(seed):
 SYMMETRIES = (units_change_nothing, mirror_changes_nothing, boost_changes_nothing, neighbours_change_nothing)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("symmetry", SYMMETRIES)
 def test_a_symmetry_of_the_answer(symmetry):
     for seed in range(1000, 1006):

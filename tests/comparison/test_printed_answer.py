@@ -54,7 +54,7 @@ def check_verdict(report, data):
         assert counts in pairs
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", PRINTED_KINDS)
 def test_the_printed_numbers_give_the_answer(kind, tmp_path):
     checked = [check_printed(outcome_question(kind, seed), tmp_path) for seed in range(8)]
@@ -69,7 +69,7 @@ def test_the_printed_numbers_of_many_give_the_answer(kind, batch, tmp_path):
         check_printed(outcome_question(kind, seed), tmp_path)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", PRINTED_KINDS)
 def test_the_judge_agrees_with_the_printed_logs(kind, tmp_path):
     """Two computations of the error, from runs and from printed digits."""

@@ -9,7 +9,7 @@ import granular as gr
 from granular.comparison import further
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.usefixtures("interpreted")
 def test_a_rise_is_given_up_where_a_pile_takes_too_many_steps_to_settle(monkeypatch):
     """Before, the soft run was followed for minutes: steps, not contacts, are many."""
@@ -79,7 +79,7 @@ def test_the_rise_of_a_stack_is_told_as_that_of_two_balls():
     assert math.isnan(gr.compare(gr.scenes.ball_stack(6), gr.LinearDashpot(1e7), until=gr.until.contact(0, 1)).drop)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.usefixtures("interpreted")
 def test_the_share_of_the_floors_impulse_is_that_under_its_force():
     """From both forces at many moments."""

@@ -28,7 +28,7 @@ def compared(question, end):
     return gr.compare(scene, law, *([rule] if rule else []), t_end=t_end, max_events=5_000, **end)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", OUTCOME_KINDS)
 def test_short_paths_change_nothing(kind, monkeypatch):
     """A stop at a contact leaves one run with fewer contacts, so that the comparison must examine missing contacts."""

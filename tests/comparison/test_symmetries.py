@@ -107,7 +107,7 @@ def check(seeds):
     return kinds
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("part", range(6))
 def test_a_comparison_does_not_depend_on_the_observer(part):
     kinds = check(range(10 * part, 10 * (part + 1)))

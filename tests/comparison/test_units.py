@@ -91,7 +91,7 @@ def test_a_pull_is_reported_for_the_pair_with_the_contact_and_not_without_contac
     assert warnings(gr.compare(scene, Sticky(1e6, 5.0), t_end=0.05)) == []
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.filterwarnings("ignore:.*encountered in:RuntimeWarning")
 @pytest.mark.parametrize("law", [Sticky(1e30, 1.0), gr.Hertz(1e300), gr.ViscoelasticHertz(1e30, 1e10)])

@@ -17,7 +17,7 @@ PUBLIC = ["compare", "sweep", "ensemble", "sensitivity", "threshold", "frontier"
           "md.simulate"]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", MODULES)
 def test_examples_of_a_module_print_what_they_show(name):
     if name.startswith("granular.studies.sweeps"):

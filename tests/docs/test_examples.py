@@ -33,7 +33,7 @@ AS_PROCESSES = ("sweep_on_a_pool", "sweep_on_dask")
 """What a user types; to start one takes a second."""
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
 def test_an_example_runs(path, tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")

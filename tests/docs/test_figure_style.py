@@ -73,7 +73,7 @@ def drawn(name, monkeypatch):
         return module.draw(module.compute((docs_data.PAPER_POINTS | ENOUGH_POINTS)[name]))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", [*REPORTS, *BENCH, "edmd-scaling", *PAPER])
 def test_a_figure_follows_the_rules(name, monkeypatch):
     text_class = import_module("matplotlib.text").Text

@@ -25,7 +25,7 @@ def load(name):
 docs_data = load("docs_data")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", [
     name if entry.quick else pytest.param(name, marks=pytest.mark.soak)
     for name, entry in docs_data.DATA_ENTRIES.items()

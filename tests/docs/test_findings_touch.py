@@ -22,7 +22,7 @@ def test_hard_balls_count_the_digits_of_pi(digits):
     assert speed == pytest.approx(1.0, abs=2.1 * 10.0**-digits)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("k", "count"), [
     (1e2, 8), (1e4, 26), pytest.param(1e6, 84, marks=SOAK), pytest.param(1e8, 266, marks=SOAK)])
 def test_springs_count_no_further_than_their_law(k, count):
@@ -197,7 +197,7 @@ def test_explicit_steps_gain_what_their_closed_form_says(rate):
         0.5 * (g * dt * steps) ** 2 / (g * bouncing.HEIGHT), rel=1e-9)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_an_elastic_ball_keeps_its_energy_in_both_models():
     hard = gr.edmd.simulate(bouncing.ball(), gr.ConstantRestitution(1.0), t_end=1e5)
     soft = gr.md.simulate(bouncing.ball(), gr.LinearDashpot(1e6), t_end=1e3)

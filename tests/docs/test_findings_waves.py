@@ -35,7 +35,7 @@ def test_hard_waves_leave_nothing_behind():
     assert waves.crossing_waves(40, gr.edmd).velocity[-1].tolist() == [-1.0, *[0.0] * 38, 1.0]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("mu", "hard", "soft"), [
     pytest.param(2.0, (0.1111, 1, 19), (0.0755, 3, 5), marks=SOAK),
     pytest.param(0.5, (0.0519, 17, 16), (0.0302, 9, 9), marks=SOAK),

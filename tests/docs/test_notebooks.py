@@ -45,7 +45,7 @@ def test_the_first_session_shows_its_tables_and_figures():
         "text/html", "image/png", "text/html", "text/html"]  # scene, run.plot(), run, report
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
@@ -62,7 +62,7 @@ def test_a_notebook_runs_in_jupyter(tmp_path):
     as_shown("newtons-cradle", printed(notebook), shown)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", ["calibration", "first-session", "tennis-ball", "what-accuracy-costs"])
 def test_the_cells_of_a_notebook_run_and_print_what_it_shows(name, monkeypatch, tmp_path):
     matplotlib = pytest.importorskip("matplotlib")

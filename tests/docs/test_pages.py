@@ -37,7 +37,7 @@ PAGES = [page for page, text in TEXTS.items()
          if "```python" in text and page.stem != "other-codes"]  # which needs a dump: test_from_arrays
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)

@@ -33,7 +33,7 @@ def parameters(inputs):
     return {"radii": (inputs["R1"], inputs["R2"]), **{name: inputs[letter] for name, letter in names.items()}}
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("point", REFERENCE["linear"], ids=lambda point: point["id"])
 def test_every_reference_point(point):
     found = cell(("contacts", "v_rel", "eps_ratio"), **parameters(point["inputs"]))
@@ -54,7 +54,7 @@ def test_figure_2_has_the_reference_forces():
         assert run.force[:, pair] == pytest.approx(samples[name], rel=1e-10, abs=10 * steep * np.spacing(start))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("point", REFERENCE["viscoelastic"], ids=lambda point: point["id"])
 def test_figures_7_and_8_have_the_reference_points(point):
     inputs = point["inputs"]
@@ -67,7 +67,7 @@ def test_figures_7_and_8_have_the_reference_points(point):
     assert run.of(1)["v_out"][-1] == pytest.approx([point["v1"], point["v2"]], rel=0.0, abs=1e-10)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_dips_of_figure_5_go_below_its_axis_in_nature_and_are_drawn_so():
     def found(power):
         data = cell(("contacts", "eps_ratio"), gap=10.0**power, restitution=0.9)
@@ -93,7 +93,7 @@ def test_dips_of_figure_5_go_below_its_axis_in_nature_and_are_drawn_so():
     assert flat.tolist() == [1.0, 2.0, 3.0]  # nothing jumps
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_claim_contacts_and_spikes_over_restitution():
     grid = np.linspace(0.3, 1.0, 71)
     numerical = sequence.numerical_sequence(sequence.dashpot_contacts, grid)
@@ -107,7 +107,7 @@ def test_claim_contacts_and_spikes_over_restitution():
         assert near == [pytest.approx(low, abs=1e-6), pytest.approx(high, abs=1e-6), count]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_claim_one_maximum_of_contacts_over_restitution():
     base = gr.sweep("three-balls", {"restitution": np.linspace(0.1, 1.0, 181)}, "contacts")["contacts"].values[:, 1]
     turns = np.diff(base[np.append(True, np.diff(base) != 0)])
@@ -148,7 +148,7 @@ def test_claim_peak_over_the_ratio_of_radii():
     assert data.max() == pytest.approx(1.0023030, abs=1e-7)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("ratio", "within"), [(10.0, 5e-3), (5.0, 1.5e-2)])
 def test_claim_adiabatic_solution_agrees(ratio, within):
     scene, worst, differing = gr.scenes.three_balls(radii=(0.01 * ratio, 0.01)), 0.0, 0
@@ -195,7 +195,7 @@ def test_hard_stacks_follow_the_closed_formula_where_each_ball_is_lighter(ratio,
     assert off < 1e-12 if holds else off > 0.06
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", sorted(path.stem for path in SCRIPTS.glob("*.py") if path.stem != "setting"))
 def test_every_script_draws_its_figure_and_writes_its_numbers(name, tmp_path, monkeypatch):
     few = {"sketch": 1, "forces": 100, "sequence": 2, "viscoelastic": 2, "viscoelastic_material": 1, "breakdown": 3,
@@ -210,7 +210,7 @@ def test_every_script_draws_its_figure_and_writes_its_numbers(name, tmp_path, mo
     assert found.keys() == json.loads(stored.read_text(encoding="utf-8")).keys()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_script_is_run_by_its_path(tmp_path):
     run = [sys.executable, str(SCRIPTS / "sketch.py"), "-o", "x.png"]
     assert subprocess.run(run, cwd=tmp_path, capture_output=True, check=False).returncode == 0

@@ -102,7 +102,7 @@ def test_interpreted_state_and_queue_stay_whole(seed, n, gravity, eps, extra, ac
         acting.do(action)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("third", range(3))
 def test_compiled_queues_stay_whole(third, monkeypatch) -> None:
     """The same, going to and fro between the tree and blocks; windows that blocks run are seen."""

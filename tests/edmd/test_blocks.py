@@ -16,7 +16,7 @@ from tests.helpers.scenes_at_random import gas
 pytest.importorskip("numba")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("spread", "gravity", "eps"),
     [(0.0, 0.0, 1.0), (2.0, 0.0, 1.0), (2.0, 0.01, 0.99), (0.0, 1.0, 1.0), (0.0, 0.0, 0.7)],

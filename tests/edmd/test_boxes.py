@@ -151,7 +151,7 @@ def run(seed, **options):
     return scene, gr.edmd.simulate(scene, rules, **given | options)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(60))
 def test_a_box_stays_a_box(seed):
     judged(*run(seed))
@@ -345,7 +345,7 @@ def test_what_is_judged_is_the_room_between_walls_that_move():
         assert invalid_reason(*given[:3], off, *given[4:], hard=True, adds_up=True).startswith("gaps add up to ")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(8))
 def test_balls_fall_under_forces_as_their_weights_as_under_gravity(seed):
     rng = np.random.default_rng([29, seed])

@@ -52,7 +52,7 @@ def test_just_above_the_threshold_nothing_is_claimed_but_a_bound() -> None:
     assert end.stats["bound"] < 1e-59
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("n", "eps", "kind"),
     [(4, 0.05, "proved"), (5, 0.1, "proved"), (6, 0.3, "bounded"), (8, 0.1, "proved"), (20, 0.3, "bounded")],
@@ -83,7 +83,7 @@ def test_a_restitution_of_speed_that_tends_to_one_collapses_within_a_bound() -> 
     assert end.stats["bound"] < 1e-9
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("gravity", [0.0, 1.0])
 def test_elastic_scenes_never_look_suspicious(gravity) -> None:
     random = np.random.default_rng(4)
@@ -102,7 +102,7 @@ def test_a_cooling_gas_that_does_not_collapse_goes_on() -> None:
     assert end.stats["zooms"] == 0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_gas_that_slows_down_without_end_says_so() -> None:
     random = np.random.default_rng(3)
     n = 100
@@ -163,7 +163,7 @@ def test_merging_brings_a_column_to_rest() -> None:
     assert (np.diff(energy) <= 1e-12).all()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @given(
     seed=st.integers(0, 10**6), n=st.integers(1, 12), floor=st.sampled_from([-0.5, 0.0, 0.3, 2.0]),
     gravity=st.sampled_from([0.0, 1.0]), eps=st.sampled_from([0.0, 0.3, 0.9]), below=st.sampled_from([1e-3, 0.1, 10.0]),
@@ -268,7 +268,7 @@ def falling_block(n):
     return Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), [1e-3] * n, [0.0] + [-1.0] * n)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("eps", "last"), [(0.5, 4), (0.7, 8)])
 def test_the_foot_of_a_falling_block_collapses_whatever_it_is_run_until(eps, last) -> None:
     ends = [run(falling_block(100), eps, until=until) for until in (None, separated())]
@@ -278,7 +278,7 @@ def test_the_foot_of_a_falling_block_collapses_whatever_it_is_run_until(eps, las
     assert ends[0].stats["bound"] < 1e-50
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_closer_look_without_a_decision_lasts_longer_the_next_time() -> None:
     pytest.importorskip("numba")
     end = run(falling_block(100), 0.8, until=separated(), log=False)
@@ -288,7 +288,7 @@ def test_a_closer_look_without_a_decision_lasts_longer_the_next_time() -> None:
     assert end.state["allowance"] == 80_000
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_the_ready_made_column_gets_its_verdict() -> None:
     """Closer looks without end on some 30 balls at the floor, which the next ones hit ever again."""
     pytest.importorskip("numba")
@@ -302,7 +302,7 @@ def test_the_ready_made_column_gets_its_verdict() -> None:
     assert "unless hit from outside, no body of pairs wall–1 to " in undecided.message
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("n", [10, 20, 50, 100])
 def test_ready_made_columns_end_within_the_default_limits_as_what_they_are(n) -> None:
     pytest.importorskip("numba")
@@ -320,7 +320,7 @@ def test_ready_made_columns_end_within_the_default_limits_as_what_they_are(n) ->
     assert more.stats["events"] == {50: 2_990_586, 100: 1_410_053}[n]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("n", "collisions"), [(30, 62_750), (32, 269_265)])
 def test_finite_sequences_of_a_column_are_followed_to_their_end(n, collisions) -> None:
     pytest.importorskip("numba")

@@ -14,7 +14,7 @@ from tests.helpers.hard_driven import INF, drawn, plate, remainder, run, shaken
 # --- against the twin
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(14))
 def test_every_hit_of_the_twin_is_found(seed):
     """Random scenes: the same collisions in the same order, at the same times and speeds."""

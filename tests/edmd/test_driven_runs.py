@@ -25,7 +25,7 @@ def same(a, b, mirrored=False):
         np.array_equal(a.contacts[name], b.contacts[name], equal_nan=True) for name in columns)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(24))
 def test_accounts_close_and_resumed_runs_go_on(seed):
     """Every option: energy - work + dissipated stays, gaps stay positive, cut and uncut runs have the same bits."""
@@ -114,7 +114,7 @@ def test_driven_walls_that_meet_end_the_run():
     assert run(scene.replace(floor=Sine(0.5, 0.1)), 0.2, t_end=10.0).status is gr.Status.time
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("n", "eps", "gamma"), [(1, 1.0, 20.0), (1, 0.8, 3.0), (5, 0.9, 5.0)])
 def test_the_zero_of_times_moves_within_the_event_loop(n, eps, gamma):
     """To the bits as it does from outside, which a run that is watched needs; the log says the same times."""

@@ -38,7 +38,7 @@ def same_state(a, b):
         assert np.array_equal(value, b.state[key], equal_nan=not isinstance(value, str)), key
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @given(
     scene=scenes(balls=(1, 30), walls=(0.5, 0.4, 0.3), gravity=(0.0, 1.0, 9.81), gaps=(*HARD, "uneven"), size=1e-2),
     seed=st.integers(0, 10**6), eps=st.sampled_from([1.0, 0.9, 0.5, "mixed"]),
@@ -65,7 +65,7 @@ def test_both_queues_give_the_same_bits(scene, seed, eps, ties, extra) -> None:
             same_state(rest, whole)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("eps", [0.0, 0.0717, 0.0719, 0.3])
 def test_collapses_and_sticking_are_the_same(eps) -> None:
     for n, g in ((3, 0.0), (6, 0.0), (20, 1.0)):
@@ -76,7 +76,7 @@ def test_collapses_and_sticking_are_the_same(eps) -> None:
         assert plain.message == fast.message
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
     scene = gas(1, 200, 3.0)
     one = ConstantRestitution(1.0)
@@ -114,7 +114,7 @@ def test_what_does_not_compile_says_so() -> None:
         edmd.simulate(scene, ConstantRestitution(0.5), ties="poisson", engine="compiled")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monkeypatch) -> None:
     scene = gas(1, 200, 3.0)
     monkeypatch.setitem(sys.modules, "numba", None)
@@ -125,7 +125,7 @@ def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monk
         edmd.simulate(scene, ConstantRestitution(1.0), t_end=1.0, engine="compiled")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_numba_told_not_to_compile_is_as_if_it_were_not_there() -> None:
     code = (
         "import granular as gr\n"

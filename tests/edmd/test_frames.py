@@ -82,7 +82,7 @@ def frame_faults(seed):
     return missed + [boost for boost, run in moved if differs(rest[1], run, boost)]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("part", range(4))
 def test_a_common_velocity_of_all_bodies_changes_no_run(part):
     assert [seed for seed in range(part, 80, 4) if frame_faults(seed)] == []

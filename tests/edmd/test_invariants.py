@@ -18,7 +18,7 @@ def run(scene, eps, **options):
     return edmd.simulate(scene, ConstantRestitution(eps), t_end=2.0, max_events=300, **options)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @given(ANY, st.sampled_from([1.0, 0.9, 0.5]))
 @settings(max_examples=150, deadline=None)
 def test_order_momentum_and_energy(scene, eps) -> None:
@@ -43,7 +43,7 @@ def test_order_momentum_and_energy(scene, eps) -> None:
     np.testing.assert_allclose(end.contacts["impulse"], heard, rtol=1e-12, atol=faint)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @given(ANY, st.sampled_from([1.0, 0.9, 0.5]), st.integers(-20, 20), st.integers(-20, 20))
 @settings(max_examples=80, deadline=None)
 def test_scaling_by_powers_of_two_keeps_the_bits(scene, eps, length, time) -> None:
@@ -68,7 +68,7 @@ def test_gaps_that_rounding_makes_negative_are_clamped_and_counted() -> None:
     assert 0 < sum(clamps) < 100
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("spread", [0.0, 9.0 * math.log(10.0)])
 def test_a_long_elastic_run_keeps_energy_and_order(spread) -> None:
     box = gas(1, 50, spread)

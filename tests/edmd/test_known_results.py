@@ -113,7 +113,7 @@ def test_d6_elastic_balls_sort_their_velocities(n, key) -> None:
     np.testing.assert_allclose(run.velocity[-1], np.sort(v), rtol=0, atol=1e-14)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("masses", [(1, 1, 1), (3, 1, 3), (10, 1, 10), (1, 5, 2), (100, 1, 50)])
 def test_d7_most_collisions_of_three_balls(masses) -> None:
     m1, m2, m3 = masses
@@ -127,7 +127,7 @@ def test_d7_most_collisions_of_three_balls(masses) -> None:
     assert max(counts) == bound
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("power", range(6))
 def test_a_wall_a_light_and_a_heavy_ball_count_digits_of_pi(power) -> None:
     scene = Scene([math.inf, 1.0, 100.0**power], [0.0] * 3, [1.0, 1.0], [0.0, 0.0, -1.0])

@@ -48,7 +48,7 @@ def threshold(scene):
     return high
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("n", "wall"), [(3, False), (4, False), (5, False), (6, False), (8, False), (2, True), (3, True), (5, True)]
 )
@@ -74,7 +74,7 @@ def cooled(seeds, times):
     return np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / math.sqrt(len(rows))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_d4_a_gas_cools_as_haff_says() -> None:
     """Within 3 standard errors of 240 seeds, which are up to 0.6 %; measured within 1e-4 of two other programs."""
     shares = (0.02, 0.05, 0.1, 0.2, 1.0)

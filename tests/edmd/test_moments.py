@@ -10,7 +10,7 @@ import granular as gr
 ENGINES = ["sorted", "compiled"]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("seed", range(20))
 def test_a_run_stopped_inside_a_closer_look_goes_on_as_if_it_had_not_been(seed, engine) -> None:

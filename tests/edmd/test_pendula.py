@@ -35,7 +35,7 @@ def cradle(n, d, eps, periods=1.0, y=-1.0, **options):
     return run(scene, eps, **{"t_end": 2.0 * math.pi * periods} | options)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(10))
 def test_of_pendula_every_hit_of_the_twin_is_found(seed):
     scene, eps = hanging(seed), [0.8, 0.9, 1.0][seed % 3]

@@ -98,7 +98,7 @@ def exactly(scene, eps, below, t_end=2.0):
 
 # these but for 3, and 10 more of the first 430, were wrong; what is left is 41: 20000 collisions in one instant, whose
 # 578th hangs on 1e-33 s
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [14, 92, 190, 192, 193, 259, 374, 407, 72, 3])
 def test_collisions_of_balls_that_merge_are_those_of_fifty_digits(seed):
     scene, eps = pile(seed)

@@ -55,7 +55,7 @@ def judged(scene, eps, most, digits):
     return log
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("n", "share"), [(3, 0.99), (4, 0.9), (4, 0.99), (5, 0.97), (5, 0.99), (6, 0.99), (7, 0.97)])
 def test_free_balls_below_their_threshold_collapse_for_certain(n, share) -> None:
     for seed in range(2):
@@ -74,7 +74,7 @@ def test_free_balls_above_their_threshold_never_collapse(n) -> None:
         assert end.status in (gr.Status.quiet, gr.Status.bounded)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("n", [4, 5, 6, 7, 8])
 def test_balls_beside_a_wall_above_their_threshold_never_collapse(n) -> None:
     for seed in range(2):
@@ -101,7 +101,7 @@ def test_finite_sequences_have_the_count_of_the_judge(n, seed, collisions) -> No
     assert run(scene, eps).stats["events"] == len(judged(scene, eps, 3000, 600)) == collisions
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("n", "wall", "share", "word"), [(4, FREE, 0.97, 8), (5, FREE, 0.97, 19), (3, BESIDE, 1.01, 238)]
 )
@@ -114,7 +114,7 @@ def test_what_is_proved_goes_on_in_many_digits(n, wall, share, word) -> None:
     assert log[-word:] == log[-2 * word : -word] == log[-3 * word : -2 * word]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_random_masses_are_proved_or_not_and_never_wrongly() -> None:
     random, kinds = np.random.default_rng(5), []
     for _ in range(12):
@@ -131,7 +131,7 @@ def test_random_masses_are_proved_or_not_and_never_wrongly() -> None:
     assert {"collapse", "quiet"} <= set(kinds)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_compiled_runs_come_to_the_same_verdict() -> None:
     pytest.importorskip("numba")
     for n, share in ((4, 0.97), (5, 0.99), (5, 1.01), (6, 0.99)):

@@ -11,12 +11,13 @@ import granular as gr
 
 INF = math.inf
 ENGINES = ("sorted", "compiled")
-FORCED_IN_ONE_THIRD = [
-    ("compiled", "force"), ("sorted", "force"), ("sorted", "gravity"),
-    ("compiled", "both"), ("sorted", "both"), ("compiled", "gravity"),
-    ("compiled", "ceiling"), ("sorted", "ceiling"),
+FORCED = [
+    ("compiled", "force"), ("sorted", "force"), ("compiled", "ceiling"), ("sorted", "gravity"), ("compiled", "gravity"),
+    ("compiled", "both"), ("sorted", "both"), ("sorted", "ceiling"),
 ]
-"""Engines and what presses a ball down; those in the first column need the same machine code, made in 8 s."""
+"""Engines, and what presses a ball down.
+
+The compiled cases with a force need the same machine code, so they are in one share of `tests.conftest.SHARES`."""
 
 
 def pressed(kind, rng):
@@ -39,8 +40,8 @@ def rest_time(h, a, v, eps):
     return (v + hit) / a + 2.0 * eps * hit / (a * (1.0 - eps))
 
 
-@pytest.mark.thirds
-@pytest.mark.parametrize(("engine", "kind"), FORCED_IN_ONE_THIRD)
+@pytest.mark.rotating
+@pytest.mark.parametrize(("engine", "kind"), FORCED)
 def test_forces_and_gravity_bring_a_ball_to_rest_exactly(kind, engine):
     for seed in range(6):
         rng = np.random.default_rng([51, seed])
@@ -98,7 +99,7 @@ def between_closing_walls(t_end, speed):
             v = -v - 2 * u if v > 0 else -v
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("compression", "off"), [(10, 1e-10), (100, 1e-7), (1000, 1e-5)])
 def test_an_elastic_ball_between_closing_walls_keeps_its_digits(compression, off):
     """The error grows with the square of the compression: collisions per space left, times rounding of the clock."""
@@ -111,7 +112,7 @@ def test_an_elastic_ball_between_closing_walls_keeps_its_digits(compression, off
     assert run.velocity[-1][1] == pytest.approx(float(v), rel=1e-9)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ENGINES)
 def test_closing_walls_and_an_elastic_ball_reach_the_limit_unbroken(engine):
     scene = gr.Scene([INF, 1.0, INF], [0.0, 0.1, 0.0], [0.1, 0.1], [0.0, 1.0, -0.05])

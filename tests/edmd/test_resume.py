@@ -40,7 +40,7 @@ def rules_of(name, scene):
     return [ConstantRestitution(RULES["mixed"][c % 3]) for c in range(scene.n - 1)]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("gravity", [0.0, 1.0])
 @pytest.mark.parametrize("name", ["elastic", "mixed", "table"])
 @pytest.mark.parametrize("seed", range(4))
@@ -65,7 +65,7 @@ def test_cut_at_times_and_at_numbers_of_events(seed, name, gravity) -> None:
     same_end(whole, part)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("ties", ["left", "right", "random"])
 @pytest.mark.parametrize("engine", ["sorted", "compiled"])
 def test_saved_loaded_and_resumed_at_the_very_time_of_simultaneous_collisions(tmp_path, ties, engine) -> None:
@@ -104,7 +104,7 @@ def test_cut_within_a_closer_look() -> None:
         assert part.status is Status.collapse
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     "options",
     [{"collapse": "merge", "merge_below": 0.05}, {"tc": 0.01}, {"elastic_below": 0.05}, {"ties": "random", "seed": 5}],

@@ -20,7 +20,7 @@ DOUBLING = json.loads(
 # --- the bouncing ball
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("case", DOUBLING, ids=str)
 def test_period_doubling_where_the_exact_formula_says(case):
     """Γ = √(G_k² + [2(1+ε²)/(1+ε)²]²): a thousandth and more below it the orbit is stable, above it doubles."""

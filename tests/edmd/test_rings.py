@@ -125,7 +125,7 @@ RINGS = [(2, 0.8, {}), (5, 0.02, {}), (300, 0.3, {}), (9, 0.6, {"collapse": "mer
          (30, 0.8, {"tc": 0.05, "ties": "right"}), (150, 1.0, {"elastic_below": 0.1})]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @QUEUES
 @pytest.mark.parametrize(("n", "eps", "options"), RINGS)
 def test_on_a_ring_every_queue_and_a_run_that_goes_on_are_the_same(n, eps, options, engine, tmp_path):
@@ -134,7 +134,7 @@ def test_on_a_ring_every_queue_and_a_run_that_goes_on_are_the_same(n, eps, optio
     assert rest.message.partition(" after")[0] == whole.message.partition(" after")[0]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("n", "eps", "options"), [(5, 0.02, {}), *RINGS[2:4], (40, 0.0, {}), *RINGS[5:]])
 def test_where_the_numbers_of_a_ring_begin_does_not_matter(n, eps, options):
     """Nor does a common velocity: the same collisions, a verdict on the same balls."""

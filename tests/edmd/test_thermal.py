@@ -53,7 +53,7 @@ def gas(n, floor, ceiling, ratio=1.0, seed=1, gravity=0.0):
     return gr.Scene(mass, np.zeros(len(mass)), gap, velocity, gravity, floor=floor, ceiling=ceiling)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("n", [1, 16])
 def test_the_heat_flow_of_equal_masses_is_that_of_free_flight(n):
     """J = n (T1 - T2) / (√(πm/2) (T1^-½ + T2^-½)), whatever their number; the wall's force is n √(T1 T2)."""
@@ -69,7 +69,7 @@ def test_the_heat_flow_of_equal_masses_is_that_of_free_flight(n):
     assert remainder(result) < 1e-14
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_gas_above_a_thermal_floor_is_barometric():
     """Time means of equal elastic points: ⟨x_cm⟩ = T/(mg), ⟨½mv²⟩ = T/2."""
     result = run(gas(2, Thermal(2.0, 3), None, gravity=4.0), log=False, t_end=3.2e3, samples=1601)
@@ -80,7 +80,7 @@ def test_a_gas_above_a_thermal_floor_is_barometric():
         assert abs(parts.mean() - exact) < 3.0 * error
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_balls_may_collapse_between_thermal_walls_but_not_on_them():
     """The verdict never names a pair beside such a wall; merged balls go on forever."""
     scene, verdicts = gas(40, Thermal(2.0, 1), Thermal(1.0, 2)), []

@@ -59,7 +59,7 @@ def sticky(seed):
     return gr.Scene(mass, [0.0] * len(mass), gap, velocity, **more), rule, odd
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(48))
 def test_sticking_conserves_momentum_and_never_adds_energy(seed):
     scene, rule, odd = sticky(seed)
@@ -107,7 +107,7 @@ def test_a_hit_parts_balls_that_stuck():
     assert run.velocity[-1] == pytest.approx([-3.0, 0.05, 0.05])
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("part", range(4))
 def test_a_run_with_sticking_balls_resumes_bit_for_bit(part):
     resumed = 0

@@ -89,7 +89,7 @@ def energy(inverse_mass, v):
     return sum(0.5 * x * x / w for w, x in zip(inverse_mass, v, strict=True) if w > 0.0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", ["newton", "poisson", "reflect"])
 def test_no_rule_gains_energy_or_leaves_an_approach(name) -> None:
     random = np.random.default_rng(11)
@@ -179,7 +179,7 @@ def test_light_balls_between_heavy_ones_go_with_one_of_them_and_no_group_is_solv
         assert len(end.contacts) <= 300
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("ties", ["left", "newton", "poisson", "reflect"])
 def test_no_more_events_than_asked_for_however_large_the_group(ties) -> None:
     random = np.random.default_rng(3)

@@ -89,7 +89,7 @@ SCENES = {
 }
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", SCENES)
@@ -151,7 +151,7 @@ def test_touching_balls_are_counted_all(ties):
     assert hard.stats["watched"] == len(hard.contacts) >= 3
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("option", [{"engine": "sorted"}, {"engine": "compiled"}, {"log": False}, {"samples": 7}, {}])
 def test_same_with_every_engine_and_option(option, monkeypatch):
     if option.get("engine") == "compiled":
@@ -181,7 +181,7 @@ def test_same_where_a_run_would_be_made_in_blocks_and_from_sorted_to_compiled(mo
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, max_events=3000)), once)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ["sorted", "compiled"])
 @pytest.mark.parametrize("name", ["gas", "column", "tiny"])
 def test_in_pieces_as_in_one_saved_and_loaded(name, engine, tmp_path):
@@ -223,7 +223,7 @@ def test_a_closer_look_at_a_collapse_is_watched_too():
     assert same(watched(hard), brute(scene, hard.contacts, [law] * 2))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_no_two_first_contacts_of_soft_spheres_overlap_unwarned():
     """Forces only push, so the soft ball between two others is never ahead of the hard one: warnings come too often."""
     rng, seen = np.random.default_rng(4), []
@@ -240,7 +240,7 @@ def test_no_two_first_contacts_of_soft_spheres_overlap_unwarned():
     assert {(True, True), (True, False), (False, False)} == set(seen)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_durations_are_those_of_single_contacts():
     rng = np.random.default_rng(0)
     scene = gas(0, 7, 1.0, gravity=1.0)
@@ -253,7 +253,7 @@ def test_durations_are_those_of_single_contacts():
         assert t == pytest.approx(gr.binary.collision(laws[c], scene.pairs[c], v).duration, rel=loose)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_contacts_without_an_end_last_until_their_pair_collides_again():
     scene = gr.Scene([1.0, 1.0, 1.0], [0.0] * 3, [1.0, 1.0], [1.0, 0.0, 0.0])
     hard = gr.edmd.simulate(scene, ELASTIC, watch=Wall(), t_end=9.0)

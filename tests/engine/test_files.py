@@ -63,7 +63,7 @@ def test_devices_are_written_into_and_stay(report):
         assert stat.S_ISCHR(os.stat(device).st_mode)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.skipif(not os.path.exists("/dev/stdout"), reason="the system has no /dev/stdout")
 @pytest.mark.parametrize(("name", "redirected"), [("-", False), ("/dev/stdout", False), ("/dev/stdout", True)])
 def test_json_on_standard_output_is_all_there_is_on_it(tmp_path, name, redirected):

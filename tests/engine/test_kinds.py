@@ -64,7 +64,7 @@ def some_scene(random, n):
     return Scene(mass, radius, random.choice([0.0, 0.1], n - 1), random.normal(size=n), 9.81)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(20))
 def test_laws_by_kinds_of_pairs_are_the_laws_of_the_pairs(seed):
     random = np.random.default_rng(seed)

@@ -48,7 +48,7 @@ def test_zeros_of_both_signs_and_laws_with_a_trait_of_their_own_are_told_apart()
         of_laws.checked(odd, scene)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(4))
 def test_records_remembered_with_laws_are_those_of_the_scene(seed):
     """Scenes of the same laws in any order, with other places, speeds, masses, gravity, ends and ways: as alone."""

@@ -91,7 +91,7 @@ PLACES = (
 ERRORS = AttributeError, TypeError
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("place", "error"), [
     pytest.param(place, error, marks=[pytest.mark.soak] * ((i + j) % 2))  # by turns, the other error in the soak
     for i, place in enumerate(PLACES) for j, error in enumerate(ERRORS)

@@ -158,7 +158,7 @@ def assert_certified(p: list[float], theta: float, t: float) -> None:
 # --- the tests ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", KINDS)
 def test_between_the_exact_roots_of_p_plus_and_minus_noise(kind: Kind) -> None:
     for p, theta in sample(kind, 50):

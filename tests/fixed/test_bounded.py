@@ -61,7 +61,7 @@ def unbalanced(one):
     return float(np.abs(balance - balance[0]).max())
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @EACH
 @pytest.mark.parametrize(("seed", "method"), [(0, "verlet"), (2, "rk4"), (3, "gear5")])
 def test_random_scenes_agree_with_the_reference(make, seed, method):
@@ -85,7 +85,7 @@ def slope(errors):
 ORDERS = {"verlet": 2.0, "symplectic-euler": 1.0, "rk4": 4.0, "gear5": 4.0}
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("method", ALL)
 def test_orders_while_no_contact_opens(method):
     rng = np.random.default_rng(4)
@@ -120,7 +120,7 @@ def test_a_hit_alone_has_no_error_of_the_step(method):
         assert momentum - 1.5 * 9.0 * scene.gravity == pytest.approx(1.5 * (one.velocity[-1, 1] - 1.0), abs=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_orders_of_hits_beside_contacts():
     scene = heated(3, 2)
     for law, wanted in ((gr.LinearDashpot(3e3, 0.0), 2.0), (LAW, 1.0)):
@@ -151,7 +151,7 @@ def test_momentum_and_room_of_a_ring():
     assert one.gap.sum(axis=1) == pytest.approx(scene.gap.sum(), abs=1e-13)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @EACH
 @pytest.mark.parametrize("seed", range(3))
 def test_windows_give_the_same_bits(make, seed, monkeypatch):

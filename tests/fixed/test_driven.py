@@ -31,7 +31,7 @@ def unbalanced(one):
 ORDERS = {"verlet": (2.0, 2.0), "symplectic-euler": (1.0, 1.1), "rk4": (4.0, 4.0), "gear5": (4.0, 2.0)}
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("method", ALL)
 def test_orders_beside_a_driven_wall(method):
     scene, law = shaken(0.6, 0.5, 7.0, phase=0.3, gap=-0.02, velocity=0.55)
@@ -47,7 +47,7 @@ def test_orders_beside_a_driven_wall(method):
     assert found == pytest.approx(ORDERS[method], abs=0.2)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (3, 4))])
 def test_random_scenes_agree_with_the_reference(seed):
     scene, law = scenes(seed)
@@ -72,7 +72,7 @@ def mirrored(motion):
     return gr.walls.Sine(motion.amplitude, motion.frequency, motion.phase + math.pi)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_mirror_and_boost(seed):
     scene, law = scenes(seed)
@@ -93,7 +93,7 @@ def test_mirror_and_boost(seed):
 
 
 # within a step Runge-Kutta's stages fall by v dt, while the floor is where it is: alike to the order of the method
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("method", "rounding"), [("verlet", 1e-11), ("rk4", 1e-9), ("gear5", 1e-11)])
 def test_equivalence_of_a_rising_floor_and_gravity(method, rounding):
     mass, gap, velocity = [math.inf, 1.0, 0.3], [0.125, 0.0625], [0.0, -0.5, 0.25]
@@ -162,7 +162,7 @@ def remembering():
     return scene, law, reference.solve(scene, law, t_end=0.2)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("method", ALL)
 def test_a_path_may_end_with_the_run_and_a_law_may_remember(remembering, method):
     scene, law, truth = remembering
@@ -236,7 +236,7 @@ def test_walls_that_meet_for_a_short_time_are_noticed():
         run(scene, gr.LinearDashpot(1e3, 0.1), t_end=0.1, dt=1e-5, engine="plain")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("method", "order"), [
         ("verlet", 2.0), pytest.param("symplectic-euler", 1.0, marks=pytest.mark.soak), ("rk4", 2.5),

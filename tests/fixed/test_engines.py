@@ -110,7 +110,7 @@ def drawn(seed):
     return scene, laws, options | more[int(random.integers(3))]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.filterwarnings("ignore:dt = ", "ignore:invalid value", "ignore:overflow")
 @pytest.mark.parametrize("third", range(3))
 @pytest.mark.parametrize("machine_code", ["some", pytest.param("all", marks=pytest.mark.soak)])
@@ -138,7 +138,7 @@ def test_engines_and_windows_give_the_same_bits(method, machine_code, third, mon
     assert beyond > 0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.filterwarnings("ignore:dt = ")
 @pytest.mark.parametrize(("method", "seed"), [
     pytest.param(method, seed, marks=[pytest.mark.soak] * (method in SELDOM))
@@ -156,7 +156,7 @@ def test_long_chains_give_the_bits_of_one_window(method, seed, monkeypatch):
             same(plain, run(scene, law, engine="compiled", **options))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("ring", "options"), [
     pytest.param(ring, options, marks=[pytest.mark.soak] * (ring and "log" not in options))
     for ring in (False, True)
@@ -200,7 +200,7 @@ def test_a_log_that_is_full_is_handed_over_in_time(monkeypatch):
     same(one, run(scene, law, dt=1e-5, t_end=1.0, engine="plain"))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_windows_stop_at_max_events_as_a_chain_does(monkeypatch):
     scene = gr.scenes.newtons_cradle(40)
     for few in (1, 2, 17, 37):

@@ -37,7 +37,7 @@ def squeezed(seed: int) -> gr.Scene:
 SQUEEZED = seeds().map(squeezed)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @EACH
 @settings(max_examples=6, deadline=None)
 @given(SQUEEZED, st.sampled_from(SMOOTH))
@@ -63,7 +63,7 @@ def test_verlet_runs_back(scene: gr.Scene, name: str) -> None:
     assert np.allclose(back.gap[-1], scene.gap, rtol=0, atol=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("method", "waves"), [("verlet", 4.0), ("symplectic-euler", 2.0)])
 @settings(max_examples=5, deadline=None)
 @given(SQUEEZED, st.sampled_from(("spring", "Hertz")))
@@ -77,7 +77,7 @@ def test_symplectic_methods_keep_energy_for_good(method: str, waves: float, scen
     assert size[0] / size[1] == pytest.approx(waves, rel=0.2)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @EACH
 @settings(max_examples=15, deadline=None)
 @given(soft_scenes(tuple(LAWS), walls=(0.4, 0.2, 0.0), gaps=ALL, balls=(2, 5)))

@@ -22,7 +22,7 @@ def same_bits(one, other):
     assert one.contacts.tobytes() == other.contacts.tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_plain_and_compiled_give_the_same_bits_for_every_law():
     scene = gr.scenes.newtons_cradle(7)
     laws = [
@@ -48,7 +48,7 @@ def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
     same_bits(auto, plain)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("method", ALL)
 def test_a_force_beyond_numbers_is_unstable(method):
     """Python's own powers raise where compiled ones are infinite."""
@@ -108,7 +108,7 @@ class Steep:
         return math.exp(1e3) if 3.0e-3 < xi < 3.5e-3 and xi_dot < 0.0 else self.k * xi
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 def test_a_law_that_raises_ends_the_run(engine):
     with pytest.raises(ValueError, match="broken"):
@@ -182,7 +182,7 @@ def test_callbacks():
         verlet(scene, law, until=gr.until.contact(0, 2), on_event=stop)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_memory_of_walton_braun():
     run = verlet(pair_scene(), gr.WaltonBraun.from_restitution(0.5, 1.0), dt=1e-3)
     assert restitution(run) == pytest.approx(0.5, abs=2e-6)
@@ -212,7 +212,7 @@ def row_that_is_hit(n, way, gap):
     return gr.md.simulate(scene, gr.Hertz(1e6), t_end=0.12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("method", ALL)
 @pytest.mark.parametrize(("way", "gap"), [(1, 0.0), (-1, 3.3e-3), (1, -1e-3), (-1, 0.0)])
 def test_a_touching_row_begins_when_it_is_hit(method, way, gap):

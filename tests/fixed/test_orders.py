@@ -12,7 +12,7 @@ from tests.helpers.fixed_steps import ALL, pair_scene, restitution, verlet
 EPS = 0.9
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("method", "worst"), [("verlet", (1.60e-5, 2.0e-6)), ("symplectic-euler", (1.60e-5, 2.0e-6)),
                           ("rk4", (2.4e-7, 1.4e-8)), ("gear5", (5.3e-7, 2.8e-8))]
@@ -39,7 +39,7 @@ def order(law, method, steps, exact):
     return -np.polyfit(np.log(steps), np.log(worst), 1)[0]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("method", ALL)
 def test_force_jump_reduces_every_method_to_order_one(method):
     law = gr.LinearDashpot.from_restitution(EPS, 1.0, pair_scene().pairs[0])

@@ -12,7 +12,7 @@ from granular.studies.reference import solve_with
 from granular.studies.reference_events import ACTIVE, DORMANT, OPEN, reached_by_force
 
 pytest.importorskip("mpmath")
-pytestmark = pytest.mark.thirds  # tests of what tests compare with
+pytestmark = pytest.mark.rotating  # tests of what tests compare with
 MP = __import__("mpmath").MPContext()
 MP.dps = 40
 

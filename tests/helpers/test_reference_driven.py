@@ -16,7 +16,7 @@ from granular.studies.reference_events import Run
 pytest.importorskip("mpmath")
 from tests.helpers.driven_scenes import MP, ONE_RADIAN, riding, scenes, shaken, steady
 
-pytestmark = pytest.mark.thirds  # tests of what tests compare with
+pytestmark = pytest.mark.rotating  # tests of what tests compare with
 
 
 @pytest.mark.parametrize("force", [None, [0.0, -0.25]])

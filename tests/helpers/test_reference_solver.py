@@ -19,7 +19,7 @@ from granular.studies.reference_events import Run, first_rise_of_parabola
 from granular.studies.reference_walls import value
 
 mpmath = pytest.importorskip("mpmath")
-pytestmark = pytest.mark.thirds  # tests of what tests compare with
+pytestmark = pytest.mark.rotating  # tests of what tests compare with
 NUMBERS = json.loads((Path(__file__).parents[1] / "reference" / "chains.json").read_text())
 MP = mpmath.MPContext()
 MP.dps = 40

@@ -71,7 +71,7 @@ def newton(alpha, clipped):
     return np.where(over.any(axis=1), -at(low)[1], 0.0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("clipped", [False, True])
 def test_what_is_obtained_is_what_newtons_equation_gives(clipped):
     names = [(name, e) for name in DAMPING_CONVENTIONS for e in ASKED]

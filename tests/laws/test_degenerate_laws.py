@@ -68,7 +68,7 @@ def ended(scene, law, **how):
     return run.status.name
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [*range(2), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(2, 40))])
 @pytest.mark.filterwarnings("ignore:dt = .* s times")
 def test_every_run_ends(monkeypatch, seed):
@@ -88,7 +88,7 @@ def own(force, **members):
     return type("Own", (), {"force": force, "__repr__": lambda self: "Own()"} | members)()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_contacts_that_creep_end_by_the_limit_and_can_be_gone_on_from(monkeypatch):
     monkeypatch.setattr(pace, "TRIALS_PER_TEST", 30)
     law = own(lambda self, xi, xi_dot, pair: 1e7 * xi**1.5 + 1e7 * xi_dot)
@@ -104,7 +104,7 @@ def test_contacts_that_creep_end_by_the_limit_and_can_be_gone_on_from(monkeypatc
     assert whole.status.name == "time"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_kinks_without_number_are_no_creeping():
     saw = own(lambda self, xi, xi_dot, pair: 1e7 * xi * (1.0 + 0.5 * (xi / 2e-4 % 1.0)) + 10.0 * xi_dot)
     assert gr.md.simulate(SCENES["row"][0], saw).status.name == "quiet"
@@ -146,7 +146,7 @@ def test_force_that_is_not_a_pure_function(how):
             gr.md.simulate(SCENES["row"][0], own(force), t_end=0.02, **how)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("how", [{"t_end": 0.5}, {"t_end": 0.05, "dt": 1e-6}])
 def test_a_run_tells_how_far_it_is_however_slow_its_steps_are(monkeypatch, how):
     """A ball that overlaps from the start, and no contact ends: after a look that took a second fewer steps follow."""

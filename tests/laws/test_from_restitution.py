@@ -87,7 +87,7 @@ def tsuji_duration(zeta):
     return float((MP.mpf(4) / 5) ** (MP.mpf(3) / 5) * whole)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     "zeta", [0.0, 1e-12, 1e-5, 0.01, 0.2, 0.2999, 0.3, 0.8, 1.0 - 1e-14, 1.0, 1.0 + 1e-13, 3.0, 496.0])
 def test_duration_under_tsuji_damping(zeta):
@@ -105,7 +105,7 @@ def of_both_kinds(eps, duration, pair, speed):
             gr.ViscoelasticHertz.from_restitution(eps, speed, duration=duration, pair=pair))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_hertz_laws_have_the_restitution_and_the_duration():
     # nearer to ε = 1 the engine ends a contact under Tsuji damping while a force below rounding is left
     for eps, duration, pair, speed in drawn(2, 60, 1e-6, 0.999):
@@ -116,7 +116,7 @@ def test_hertz_laws_have_the_restitution_and_the_duration():
             assert hit.restitution == pytest.approx(eps, rel=0.0, abs=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("eps", [1.0, 0.9, 0.5, 0.1])
 def test_hertz_laws_solved_by_scipy(eps):
     speed, duration = 0.7, 2e-3

@@ -68,7 +68,7 @@ def test_force_that_is_no_number_beyond_what_was_expected() -> None:
         md.simulate(scene, own, t_end=0.02, dt=1e-6)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("force", [lambda xi, v: 0.0 if xi > -1.0 else 1.0, lambda xi, v: -1e6 * xi * xi])
 def test_law_that_stops_nothing(force) -> None:
     with pytest.raises(ValueError, match="pass through each other"):
@@ -99,7 +99,7 @@ def test_trait_that_says_negative_damping() -> None:
         md.simulate(STACK, negative, t_end=0.1)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("force", [
     lambda xi, v: 5e7 * (xi - 1e-5),  # sets in late
     lambda xi, v: 5e7 * xi**1.5 - 100.0 * math.sqrt(xi),  # would pull at first
@@ -170,7 +170,7 @@ class Springy:
         return self.k * xi * (1.0 + self.more * (xi_max - xi) / xi_max)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_rounding_makes_no_restitution_above_one() -> None:
     assert binary.collision(Springy(1e6, 1e-10), PAIR, 1.0).restitution == 1.0
     with pytest.raises(ValueError, match=r"`law` must not gain energy, got Springy\(k=1000000\.0, more=1e-07\)\. "
@@ -189,7 +189,7 @@ def test_default_step_of_a_law_without_slope() -> None:
         md.simulate(STACK, constant, t_end=0.1, method="verlet")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("t_end", [None, 1.1, 3.0])
 @pytest.mark.parametrize("dt", [None, 1e-5])
 def test_soft_spheres_between_walls_that_meet(t_end, dt) -> None:

@@ -68,7 +68,7 @@ def on_a_wall(mass, speed):
     return gr.Scene([math.inf, mass], [0.0, 0.5], [0.1], [0.0, -speed])
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("tol", [1e-16, 1e-13])
 @pytest.mark.parametrize("speed", np.linspace(0.3, 3.0, 8))
 def test_a_late_force_is_felt_from_its_first_moment(speed, tol):
@@ -92,7 +92,7 @@ def test_the_peak_beside_a_jump_is_that_of_the_law():
     assert row["v_out"][1] == pytest.approx(0.2, rel=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("start", [0.1, 0.434, 0.65, 0.8])
 def test_a_hole_in_the_force_is_seen_both_ways(start):
     run = gr.md.simulate(on_a_wall(1.0, 1.0), Hole(start))
@@ -100,7 +100,7 @@ def test_a_hole_in_the_force_is_seen_both_ways(start):
     assert len(run.contacts) == 3
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("t_end", [10.0, 1e6, None])
 def test_a_ball_on_a_damped_law_comes_to_rest(t_end):
     run = gr.md.simulate(gr.Scene([math.inf, 1.0], [0, 0.5], [0.01], [0, 0], 9.81), Stiffening(), t_end=t_end)
@@ -113,7 +113,7 @@ def test_a_ball_on_a_damped_law_comes_to_rest(t_end):
         assert run.contacts["impulse"].sum() == pytest.approx(9.81 * t_end, rel=1e-13)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_pile_at_rest_wakes_when_it_is_hit():
     scene = gr.Scene([math.inf, 1.0, 1.0], [0, 0.5, 0.5], [0.01, 9.0], [0, 0, 0], 9.81)
     run = gr.md.simulate(scene, Stiffening(), t_end=20.0, samples=5)
@@ -122,7 +122,7 @@ def test_a_pile_at_rest_wakes_when_it_is_hit():
     assert run.velocity[-1].tolist() == [0.0, 0.0, 0.0]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_balls_that_settle_where_the_force_is_zero_stay_there():
     scene = gr.Scene([0.07, 1.0], [0.5, 0.5], [0.01], [0.9, 0.0])
     run = gr.md.simulate(scene, Cohesive(), t_end=0.1, until=gr.until.contact(0, 2))
@@ -130,7 +130,7 @@ def test_balls_that_settle_where_the_force_is_zero_stay_there():
     assert len(run.contacts) == 1
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_contact_that_takes_all_speed_is_a_rule_of_zero():
     law = gr.LinearDashpot(1e4, 30.0)
     assert gr.binary.restitution_of([law, law])(1.0, gr.scenes.three_balls().pairs[0]) > 0.0

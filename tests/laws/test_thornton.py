@@ -38,7 +38,7 @@ def test_equals_the_printed_form(r):
     assert eps(r) == pytest.approx(float(printed(r)), rel=1e-15)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("r", [0.9, 0.5, 0.2, 0.01])
 def test_equals_the_work_given_back_over_the_work_taken(r):
     """Load as Hertz, then linearly at the limiting pressure; unload as Hertz with the radius that fits."""

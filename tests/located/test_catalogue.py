@@ -90,7 +90,7 @@ def test_hertz_and_steeper_cradles() -> None:
     assert cradle(5, PowerLaw(1.0, 5.0))[-1] == pytest.approx(0.9999994033453558, abs=1e-11)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("n", "linear", "hertz"),
     [(2, 0.977462, 0.985183), (3, 0.974662, 0.969997), (5, 0.977709, 0.950965), (10, 0.980442, 0.933698)],
@@ -101,7 +101,7 @@ def test_elastic_columns_lose_height(n: int, linear: float, hertz: float) -> Non
     assert column_restitution(n, Hertz(1.0)) == pytest.approx(hertz, abs=1e-6)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_long_chains() -> None:
     """E2 (linear, N to 200) and E2b (Hertz, where N = 30 has reached the limit to 1e-5)."""
     for n, last in ((20, 0.805639), (50, 0.708872), (100, 0.63879), (200, 0.573331)):
@@ -112,7 +112,7 @@ def test_long_chains() -> None:
     assert v[[-1, -2, 0]] == pytest.approx([0.9856788, 0.1486005, -0.07108502], abs=1e-5)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_solitary_wave() -> None:
     """F1: speed, peak overlap and force of the wave in a Hertz chain, far from the striker."""
     n = 40

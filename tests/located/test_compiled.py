@@ -54,7 +54,7 @@ def test_auto_changes_to_compiled_under_way(monkeypatch: pytest.MonkeyPatch) -> 
     assert changed.contacts.tobytes() == plain.contacts.tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 def test_solve_many_is_simulate_many_times(engine: str) -> None:
     """A map over the gap: counts, times and velocities are those of single runs, bit for bit."""
@@ -85,7 +85,7 @@ def test_solve_many_leaves_balls_that_come_to_rest_to_simulate() -> None:
     assert many.status.tolist() == [-1]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that bounces through the octaves of speed, each with a table; single runs make room, to the same bits."""
     monkeypatch.setattr(sys.modules["granular.md.located.one_contact.tables"], "CONTACTS_BEFORE_TABLE", 1)

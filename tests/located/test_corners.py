@@ -29,7 +29,7 @@ def test_two_contacts_that_end_at_once(law, engine):
     assert run.count(0) == run.count(1) == 1
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize("velocity", [[1.0, 0.0, 0.0], [1.0, 0.0, -1.0]], ids=["struck", "squeezed"])
 def test_a_gap_below_rounding_is_a_touch(law, velocity):
@@ -55,7 +55,7 @@ def test_rows_of_a_bound_elastic_scene_are_delivered():
     np.testing.assert_allclose(run.energy(), run.energy()[0], rtol=1e-13)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_newcomer_does_not_wait_for_a_compiler():
     code = (
         "import sys, granular as gr; s = gr.scenes.column(n=20, gap=1e-3); "
@@ -116,7 +116,7 @@ MORE = [pytest.param(n / 12, "auto", marks=pytest.mark.soak) for n in np.random.
 POWERS = [(p, "compiled") for p in (1.25, 1.5, 7 / 3, 3.0, 4.5, 11.0, 13.0, 16.0)] + [(1.5, "plain"), (11.0, "plain")]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("p", "engine"), [*POWERS, *TWELFTHS, *MORE, (1.5, "own"), (8 / 3, "own"), (12.5, "own")])
 def test_a_ball_dropped_from_a_touch_comes_back_to_it(p, engine):
     """m g ξ = k ξ^(p+1)/(p+1) at the turn, every time; ξ is zero for an instant in between, which ends no contact."""
@@ -135,7 +135,7 @@ def test_a_ball_dropped_from_a_touch_comes_back_to_it(p, engine):
         assert abs(energy).max() < 2e-13 * m * g * deepest
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("engine", "runs"), [("plain", 8), ("compiled", 60), ("own", 6)])
 def test_a_ball_that_touches_floor_and_ceiling_comes_back_to_the_ceiling_without_a_contact(engine, runs):
     """It is at rest there, except for rounding of its energy; that is no impact, and no reason to refuse the scene."""
@@ -179,7 +179,7 @@ class Stiffening:
         return self.k * xi + self.k3 * xi**3 + self.gamma * xi_dot
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_stiff_own_laws_come_to_rest_in_few_steps():
     """A ball hits where k3 ξ³ counts and creeps to m g = k ξ, overdamped; steps shrank with its speed, to 20 000."""
     rng = np.random.default_rng(3)
@@ -195,7 +195,7 @@ def test_stiff_own_laws_come_to_rest_in_few_steps():
         assert law.force(at, 0.0, None) == pytest.approx(m * g, rel=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_own_laws_at_rest_have_scales_of_any_size():
     """Weights set them where nothing moves at first; a law far from usual sizes once let its ball fall through."""
     rng = np.random.default_rng(1)
@@ -221,7 +221,7 @@ def test_the_largest_force_of_an_elastic_contact_is_that_of_its_largest_overlap(
         assert contact["impulse"] >= 0.0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", [gr.Hertz(5e7), gr.PowerLaw(5e7, 13 / 6), OwnPower(5e7, 1.5)])
 def test_a_ball_that_comes_back_to_a_touch_leaves_the_ball_above_in_free_fall(law):
     """Where its rate, no more than rounding in energy, is set to zero, the gap above must see it: 1e-11 m before."""
@@ -232,7 +232,7 @@ def test_a_ball_that_comes_back_to_a_touch_leaves_the_ball_above_in_free_fall(la
     np.testing.assert_allclose(run.velocity[:, 2], -0.1 * run.time, atol=1e-15)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_run_may_stop_where_a_ball_arrives_at_one_that_lies_still():
     """Its piece would end at once; it was refused as beyond the range of numbers."""
     scene = gr.Scene([math.inf, 1.7, 1.7], [0.0, 0.1, 0.1], [1e-4, 0.05], [0.0, 0.1, 0.0], 14.0)
@@ -274,7 +274,7 @@ def test_no_step_leaves_the_range_of_numbers(engine):
     assert 0.0 < run.stats["error_estimate"] < 1e-13
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", [gr.Hertz(1e6), gr.ViscoelasticHertz(1e6, 1e3), gr.PowerLaw(1e6, 2.0)],
                          ids=lambda law: type(law).__name__)
 def test_rows_that_touch_at_a_coarse_tolerance(law):

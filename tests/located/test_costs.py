@@ -70,7 +70,7 @@ def test_laws_of_scenes_alike_are_asked_once(monkeypatch):
     assert asked["laws"] == 2 * once
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("tol", [1e-16, 1e-12, 1e-9, 1e-6])
 @pytest.mark.parametrize(("p", "d"), [(1.5, 0.5), (1.5, 0.25), (1.0, 0.0)])
 def test_nobody_looks_whether_a_scene_in_motion_rests(p, d, tol, monkeypatch):

@@ -93,7 +93,7 @@ def stopped(seed: int, names: Any, monkeypatch: Any, **options: Any) -> bool:
     return True
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_stops_where_pieces_find_the_first_that_is_disturbed(monkeypatch):
     ends = [stopped(i, at_random.POWERS, monkeypatch, t_end=1.0, max_events=8, max_steps=500) for i in range(12)]
     assert 3 < sum(ends) < 12
@@ -157,7 +157,7 @@ def counted(seeds: Iterable[int], shells: bool) -> Counter[str]:
     return tally
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("shells", "many"), [(False, 8), (True, 5)])
 def test_isolated_is_what_no_neighbour_overlaps(shells, many):
     tally = counted(range(many), shells)
@@ -183,7 +183,7 @@ def test_an_overlap_without_a_push_disturbs_whichever_side_it_is_on():
     assert run.stats["isolated"] == 0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_pushes_of_one_overlap_share_its_fate():
     """A force with a hole pushes three times while its balls overlap; a third ball is there at the first push only."""
     two = gr.Scene([1.0] * 2, [0.5] * 2, [0.01], [1.0, -1.0])
@@ -196,7 +196,7 @@ def test_pushes_of_one_overlap_share_its_fate():
     assert others["t_end"][0] < run.of(0)["t_begin"][1]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_an_ignored_neighbour_takes_no_isolated_contact_from_the_count():
     """The first contact overlaps no other; the neighbours of the second are set back, and count for nothing."""
     scene = gr.Scene([INF, 1.2, 0.7, 1.5], [0.0, 0.5, 0.5, 0.5], [0.045, -0.017, 0.04], [0.0, 0.0, -0.1, 0.0], 9.81)

@@ -12,7 +12,7 @@ from tests.helpers.driven_scenes import ONE_RADIAN, shaken, steady
 PERIOD = 1.0 / ONE_RADIAN
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_lift_off_of_a_resting_ball():
     law = shaken(1.0, 0.5, 10.0)[1]
     gamma = abs(law.k - 1.0 + 1j * law.gamma) / abs(law.k + 1j * law.gamma)
@@ -58,7 +58,7 @@ class ReturnMap:
         return float(np.linalg.det(self.jacobian(self.orbit()) + np.eye(2)))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("restitution", "ratio", "gamma"), [
     (0.5, 1e4, 1.52678914629763), (0.5, 1e3, 1.52647852413489), (0.8, 1e3, 1.07077698948191),
 ])
@@ -73,7 +73,7 @@ def test_period_doubling_of_the_soft_bouncing_ball(restitution, ratio, gamma):
     assert b == pytest.approx(gamma, abs=1e-11)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_where_a_soft_plate_doubles_the_period_and_a_hard_one_does_not():
     scene = ReturnMap(1.525, 0.5, 100.0)
     scene, law = scene.scene.replace(gap=[scene.start[0]]), scene.law
@@ -83,7 +83,7 @@ def test_where_a_soft_plate_doubles_the_period_and_a_hard_one_does_not():
     assert twice[-40:].max() < twice[-100:-60].min() < 1e-3
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("start", [0.0, 1e7 * PERIOD])
 def test_a_ball_that_rides_has_its_closed_form_after_many_periods(start):
     mp = pytest.importorskip("mpmath").MPContext()
@@ -201,7 +201,7 @@ def test_until_and_limits_beside_a_driven_wall():
     assert gr.md.simulate(away, law, until=gr.until.contact(0, 5)).status is gr.Status.quiet
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [0, 3, 5, 6, 8])
 def test_samples_change_no_bit_of_the_last_row(seed):
     """The ledger and the forces too, in the middle of contacts."""

@@ -68,7 +68,7 @@ def distance(one, other):
     return max(abs(one.gap - other.gap).max(), abs(rates[0] - rates[1]).max()) / max(1.0, abs(rates[0]).max())
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(24))
 def test_the_account_closes(seed):
     scene, law, start = some_scene(seed)
@@ -82,7 +82,7 @@ def test_the_account_closes(seed):
     assert (np.diff(lost) >= -1e-13 * size).all()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(6))
 def test_a_rising_floor_is_gravity(seed):
     scene, law, _ = some_scene(seed, gravity=0.0)
@@ -97,7 +97,7 @@ def test_a_rising_floor_is_gravity(seed):
     assert distance(one, other) < 1e-11
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(8))
 def test_a_mirror_swaps_floor_and_ceiling(seed):
     scene, law, start = some_scene(seed, gravity=0.0)
@@ -115,7 +115,7 @@ def test_a_mirror_swaps_floor_and_ceiling(seed):
         assert one.ledger[-1, [0, 1, 4]] == pytest.approx(other.ledger[-1, [1, 0, 4]], rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(6))
 def test_nobody_knows_how_fast_all_move(seed):
     scene, law, start = some_scene(seed)
@@ -140,7 +140,7 @@ def test_units_by_powers_of_two_change_no_bit(seed):
     assert (np.diff(a.velocity) * (x / t) == np.diff(b.velocity)).all()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(8))
 def test_a_resumed_run_is_the_run(seed):
     scene, law, start = some_scene(seed)
@@ -167,7 +167,7 @@ def test_compiled_runs_have_the_same_bits(disturbed):
             assert one.ledger.tobytes() == other.ledger.tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_isolated_contacts_are_the_same_ignoring_others():
     for seed in range(16):
         scene, law, start = some_scene(seed)
@@ -190,7 +190,7 @@ class Unseen:
         return self.k * math.sqrt(xi * xi) + self.gamma * xi_dot
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(3))
 def test_own_laws_follow_driven_walls(seed):
     scene, _, start = some_scene(seed)
@@ -239,7 +239,7 @@ def by_pieces(kernel, **flags):
     return fitted(kernel, **flags, **more)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_what_is_certified_as_isolated_is(monkeypatch):
     alone = 0
     for seed in range(20):

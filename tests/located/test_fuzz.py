@@ -59,7 +59,7 @@ def judged(case: Case, one: Truth, laws: Any = None) -> Verdict:
     return judged_by_roundings(case, one, verdict, max_steps=MOST_STEPS)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("scenes", [
     *(pytest.param(OFTEN[k::3], id=str(k)) for k in range(3)),
     *(pytest.param(SELDOM[k::10], marks=pytest.mark.soak, id=f"seldom {k}") for k in range(10)),
@@ -75,7 +75,7 @@ def test_stored_truths(scenes: list[dict[str, Any]]) -> None:
     assert not short
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", LIVE)
 def test_live_scenes(seed: int) -> None:
     """A new scene, solved on the spot by the independent solver, interpreted."""
@@ -97,7 +97,7 @@ def test_what_the_roundings_of_a_law_make_is_measured() -> None:
     assert any(verdict.notes for verdict in rounded)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_samples_never_change_the_log() -> None:
     """Rows are read off the pieces; the log has the same bits without them."""
     sampled = [Case.from_json(one["case"]) for one in STORED if "samples" in one["case"]][:4]
@@ -112,7 +112,7 @@ QUICK, START = [0, 1, 3, 4, 10, 18], [5, 6, 12]
 """Seeds of driven scenes that the reference solves in half a second; and of those that start as others do."""
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", QUICK)
 def test_driven_scenes_beside_the_reference(seed: int) -> None:
     """Walls of every kind, soon and late, forces: 20 digits judge every speed, and the account."""
@@ -121,7 +121,7 @@ def test_driven_scenes_beside_the_reference(seed: int) -> None:
     assert verdict.kind == "ok", (verdict.why, verdict.error)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_driven_scenes_start_as_others_do() -> None:
     """Seeds of which both take the first attempt, in all bits."""
     for seed in START:
@@ -134,7 +134,7 @@ BOUNDED = [9, 308, 310, 311, 313, 315, 317, 319, 321, 324, 330]
 """Seeds of rings, thermal walls and pendula that take a fifth of a second."""
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", BOUNDED)
 def test_bounded_scenes_beside_the_reference(seed: int) -> None:
     """Rings, thermal walls, pendula: 20 digits judge every speed and the account; samples and a stop change no bit."""

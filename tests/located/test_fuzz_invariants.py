@@ -49,7 +49,7 @@ def speed(scene: Scene, run: Trajectory) -> float:
     return float(max(abs(scene.velocity).max(), abs(run.velocity[-1]).max(), 1e-3))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", SEEDS)
 def test_options_change_no_bit_of_the_log(seed: int) -> None:
     """Samples, also at events, are kept and change nothing; nor do `on_event`, `on_progress`, `log`."""
@@ -67,7 +67,7 @@ def test_options_change_no_bit_of_the_log(seed: int) -> None:
     assert quiet.stats["contacts"] == run.stats["contacts"] == len(run.contacts)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", SEEDS)
 def test_until_stops_where_the_free_run_begins_a_contact(seed: int) -> None:
     """`until.contact(c, n)` ends at the t_begin of the nth row of pair c; what has ended before is the same."""
@@ -86,7 +86,7 @@ def test_until_stops_where_the_free_run_begins_a_contact(seed: int) -> None:
     assert over.tobytes() == run.contacts[seen].tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", SEEDS)
 def test_compiled_gives_the_bits_of_plain(seed: int) -> None:
     """The same state, log and estimate, where the laws can be compiled; a sentence where not."""
@@ -103,7 +103,7 @@ def test_compiled_gives_the_bits_of_plain(seed: int) -> None:
     assert fast.stats["error_estimate"] == run.stats["error_estimate"]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", SEEDS)
 def test_impulses_of_the_log_make_the_velocities(seed: int) -> None:
     """m_i (v_i - v_i0 + g t) = J_(i-1) - J_i, ball by ball; and contacts of a pair follow each other."""

@@ -25,7 +25,7 @@ def go(scene: Scene, laws: tuple[Any, ...], **more: Any) -> Trajectory:
     return run(scene, laws, **{"t_end": 1.0, "engine": "plain", "max_events": 60, "max_steps": 1500} | more)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @QUICK
 @given(soft_scenes(KINDS, **SMALL))
 def test_momentum_and_energy(given_scene: tuple[Scene, tuple[Any, ...]]) -> None:

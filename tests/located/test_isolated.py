@@ -41,7 +41,7 @@ def cases() -> list[Any]:
     return out
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("law", "gravity", "exact", "digits"), cases(), ids=lambda x: getattr(x, "__name__", str(x)))
 def test_contact_against_thirty_digits(law, gravity, exact, digits, monkeypatch):
     """Duration, speeds, impulse, peaks, and where the ball is when all is over: delay and displacement."""
@@ -71,7 +71,7 @@ LAWS = [*at_random.LAWS]
 SLOW = ("own Hertz", "softening", "own dashpot", "own with memory")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", [pytest.param(x, marks=[pytest.mark.soak] * (x in SLOW)) for x in LAWS])
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_contact_against_pieces(name, gravity, monkeypatch):
@@ -111,7 +111,7 @@ class Bent:
         return self.k * xi + (20.0 * self.k * (xi - self.x) if xi > self.x else 0.0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_law_that_bends_has_no_table_where_it_does(monkeypatch):
     """Not even beyond the last point of an octave of speeds."""
     monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)
@@ -135,7 +135,7 @@ class DeadBand:
         return self.k * (xi - self.b) if xi > self.b else 0.0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("disturbed", ["resolve", "stop", "ignore"])
 def test_a_force_that_comes_back_is_another_contact(disturbed, monkeypatch):
     """In one overlap: the table of such a law was one contact where pieces have three."""
@@ -169,7 +169,7 @@ def test_the_error_of_a_table_counts_where_it_is_used(monkeypatch):
     assert new.stats["error_estimate"] == old.stats["error_estimate"]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_critically_damped_balls_bounce_on_a_floor_whatever_rounding_makes_of_the_ratio():
     """ζ = 1 but for rounding, above and below; with the log's peaks, which compute ζ in another order."""
     rng = np.random.default_rng(9)

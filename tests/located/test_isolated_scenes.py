@@ -51,7 +51,7 @@ def agree(seed: int, scene: gr.Scene, laws: Any, shifts: int = 8, **options: Any
     return off / own
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(12, 25))])
 def test_scene_at_random_against_pieces(seed):
     """Counts, which of them are isolated, velocities; powers for the most part, for the others take long."""
@@ -89,7 +89,7 @@ def test_own_laws_at_random_against_pieces(seed):
     agree(seed, scene, laws, engine="plain", t_end=20.0, max_events=20, max_steps=2000)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(6))
 def test_stops_and_ends_inside_contacts(seed):
     """A time in the middle of one, the nth onset, all parted, so many events: what goes on has its peaks so far."""

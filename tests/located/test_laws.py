@@ -34,7 +34,7 @@ def three_balls(gap: float = 1e-4) -> Scene:
     return Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, gap], [0.0, -3.0, -3.0], 9.81)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("known", "mine"),
     [
@@ -90,7 +90,7 @@ def test_a_ball_comes_to_rest_on_the_floor(law: Any, rests: bool) -> None:
     assert "equilibrium" in soft.message
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("zeta", [5.0, 50.0, 1e3, 1e5])
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 @pytest.mark.usefixtures("compiled_rest_tests")

@@ -45,7 +45,7 @@ def test_the_next_contact_of_pendula_is_the_first_root():
         assert hung_rate_at_contact(gap, rate, omega, d) == pytest.approx(float(at_once), rel=1e-14, abs=1e-25)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", [DASHPOT, gr.Hertz(1e5), gr.TsujiHertz(1e6, 0.3), gr.WaltonBraun(1e4, 2e4)])
 def test_what_the_log_says_of_balls_is_what_samples_show(law):
     scene = CRADLE.replace(mass=[1.0, 2.0, 0.5, 1.0, 3.0], rest_gap=[0.1, 0.0, 0.3, 0.0])
@@ -78,7 +78,7 @@ def test_mirrored_and_turned_back():
     assert again.gap[-1] == pytest.approx(scene.gap, abs=1e-10)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_between_walls_and_swinging_together():
     scene = gr.Scene([math.inf, 1.0, 2.0, math.inf], [0.0, 0.1, 0.1, 0.0], [0.1, 0.2, 0.3], [0.0, 2.0, -1.0, 0.0],
                      pendulum=1.5, rest_gap=[0.3, 0.0, 0.3])
@@ -91,7 +91,7 @@ def test_between_walls_and_swinging_together():
     assert together.status is gr.Status.time
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(6))
 def test_isolated_contacts_are_those_by_pieces(seed):
     rng = np.random.default_rng([6, seed])

@@ -43,7 +43,7 @@ def drawn(seed):
     return scene, laws[int(rng.integers(4))]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rest_has_no_up_and_down(seed):
     scene, law = drawn(seed)
@@ -57,7 +57,7 @@ def test_rest_has_no_up_and_down(seed):
         assert up.contacts["t_end"].tobytes() == down.contacts["t_end"].tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", SEEDS)
 def test_nothing_follows_rest(seed):
     """A run that is said to rest has no contact that begins or ends later."""
@@ -73,7 +73,7 @@ def test_nothing_follows_rest(seed):
 LAWS = {"dashpot": gr.LinearDashpot(1e5, 150.0), "strong": gr.LinearDashpot(1e5, 4e3), "tsuji": gr.TsujiHertz(1e6, 1.0)}
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_a_ceiling_is_a_floor_upside_down(law):
     below = gr.Scene([INF, 1.0, 2.0], [0] * 3, [0.01, 0.001], [0] * 3, external_force=[0, -30.0, -7.0])
@@ -86,7 +86,7 @@ def test_a_ceiling_is_a_floor_upside_down(law):
     np.testing.assert_allclose(runs[3].force[-1], [7.0, 37.0], rtol=1e-12)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_pressed_between_walls_and_in_flight(law):
     gap = [-1e-3, -2e-3, -1e-3]
@@ -102,7 +102,7 @@ def test_pressed_between_walls_and_in_flight(law):
         assert (force > 0.0).all()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @pytest.mark.usefixtures("interpreted")
@@ -120,7 +120,7 @@ def test_a_ball_that_leaves_does_not_matter(law, way):
     assert gr.md.simulate(touching, law).stats["steps"] < 300
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_several_piles_and_what_flies_between_them():
     law = gr.LinearDashpot(1e5, 400.0)
     force = [0, -10.0, -10.0, 0.0, 10.0, 10.0, 0]

@@ -55,7 +55,7 @@ def agrees(soft: Trajectory, one: dict[str, Any], speed: float, tolerance: float
         assert soft.status in (Status.quiet, Status.resting)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("one", SETS["linear"], ids=lambda one: str(one["id"]))
 def test_linear_sets(one: dict[str, Any]) -> None:
     """Machine precision: 1e-14 of the impact speed times the condition number; times to 1e-14 of the floor contact."""
@@ -129,7 +129,7 @@ def random_scene(seed: int) -> tuple[Scene, tuple[LinearDashpot, ...]]:
     return scene, tuple(LinearDashpot.from_restitution(eps, k * pick.choice([1.0, 0.3, 4.0]), p) for p in scene.pairs)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [
     1, *range(3, 10), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(100, 600))])
 def test_random_scenes(seed: int) -> None:

@@ -22,7 +22,7 @@ def drop(n):
     return gr.Scene([math.inf] + [1.0] * n, [0.0] + [0.1] * n, [1e-3] * n, [0.0] * (n + 1), 9.81)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", DAMPED.values(), ids=DAMPED)
 @pytest.mark.parametrize("n", [1, 3])
 def test_t_end_and_samples_are_kept(law, n):
@@ -99,7 +99,7 @@ def test_a_slow_approach_that_is_given_is_no_rounding():
 SLOW = ("strong dashpot", "compiled"), ("creep", "compiled")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("law", "engine"), [
     pytest.param(name, engine, marks=[pytest.mark.soak] * ((name, engine) in SLOW))
     for name in DAMPED for engine in ("plain", "compiled")])
@@ -115,7 +115,7 @@ def test_walls_move_on_while_a_pile_rests(law, engine):
     np.testing.assert_allclose(without.gap[-1], run.gap[-1], rtol=1e-13)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_plastic_ball_ends_in_an_elastic_bounce_within_its_dent():
     """Walton-Braun's law loses energy only where an overlap exceeds all before: what is left is a periodic bounce whose
     height is below the dent; so a run needs an end."""

@@ -104,7 +104,7 @@ def test_the_account_of_a_ride_closes(where, kind, seed):
     assert run.force[-1].min() > 0.0
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", ["dashpot", pytest.param("viscoelastic", marks=pytest.mark.soak)])
 def test_a_ride_against_the_reference(kind):
     pytest.importorskip("mpmath")
@@ -117,7 +117,7 @@ def test_a_ride_against_the_reference(kind):
         assert float(a) == pytest.approx(b, rel=1e-12, abs=1e-14 * dissipated)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("ratio", "part"), [(1e3, 1.2), (1e3, 1.0001), (1e4, 1.01)])
 def test_a_ball_that_rides_lifts_off_to_rounding(ratio, part):
     mp = pytest.importorskip("mpmath").MPContext()
@@ -166,7 +166,7 @@ def test_a_ride_ends_where_the_velocity_of_the_wall_jumps():
     assert max(abs(float(a) - b) for a, b in zip(true.gap, run.gap[-1], strict=True)) < 1e-13 * abs(run.gap).max()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("where", "kind", "seed"), [("squeezed", "dashpot", 2), ("floor", "viscoelastic", 5)])
 def test_samples_and_a_resumed_run_change_no_bit_of_a_ride(where, kind, seed):
     scene, law, start = piled(where, kind, seed)

@@ -59,7 +59,7 @@ def test_modes_of_a_ring_under_pressure_come_back(j):
     assert back.velocity[-1] == pytest.approx(scene.velocity, abs=1e-15)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(6))
 def test_symmetries(seed):
     rng = np.random.default_rng([3, seed])
@@ -109,7 +109,7 @@ def test_a_ring_squeezed_at_rest_rests(law, n):
     assert still.velocity[-1] == pytest.approx(scene.velocity, abs=1e-14)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(8))
 def test_isolated_contacts_are_those_by_pieces(seed):
     rng = np.random.default_rng([5, seed])

@@ -19,7 +19,7 @@ CASES = {
 }
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 @pytest.mark.parametrize(("scene", "law"), CASES.values(), ids=CASES)
 @pytest.mark.usefixtures("compiled_rest_tests")

@@ -38,7 +38,7 @@ def each(*others, few):
     ]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("name", "k", "scene"), each([1e9, 1e16], [ONE, TWO, PRESSED], few=lambda i, j: j == i % 6))
 def test_steps_are_bounded(name, k, scene):
     run = gr.md.simulate(scene, laws(k)[name], max_steps=5000, engine="plain")
@@ -68,7 +68,7 @@ def test_creep_of_a_dashpot_is_two_exponentials(k):
     assert run.stats["steps"] < 200
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_creep_of_a_curved_law_against_another_solver():
     """Radau's method, implicit, of SciPy."""
     from scipy.integrate import solve_ivp

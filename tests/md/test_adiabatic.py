@@ -138,7 +138,7 @@ def check_between(scene, law, active, z, span, points=40):
 
 # --- the exact solution ---
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["id"])
 def test_reference_inputs_in_the_limit(row):
     r1, r2, gap, g = (float(row[name]) for name in ("R1", "R2", "dh", "g"))
@@ -151,7 +151,7 @@ def test_reference_inputs_in_the_limit(row):
     assert solution.t10 == pytest.approx(row["t10"], rel=1e-14, abs=1e-300)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("ratio", "from_eps", "largest"), [(10.0, 0.30, 0.0016), (5.0, 0.33, 0.0145)])
 def test_counts_and_top_velocity_agree_with_the_exact_engine(ratio, from_eps, largest):
     """Off the jumps: at R1/R2 = 10 these restitutions keep 0.003 away from every jump of the count."""
@@ -270,7 +270,7 @@ def test_upper_ball_far_away_has_no_contact():
     assert math.isnan(solution.v_rel)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_random_scenes_equal_the_limit():
     rng = np.random.default_rng(83)
     seen = set()
@@ -290,7 +290,7 @@ def test_random_scenes_equal_the_limit():
 
 # --- parts ---
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("square", [(4.0, 900.0), (900.0, 4.0), (9.0, 9.0)])
 @pytest.mark.parametrize("zeta", [(0.0, 0.0), (0.1, 0.9), (1.0, 1.0), (2.0, 0.1), (0.3, 10.0),
                                   pytest.param((0.3, 40.0), marks=pytest.mark.soak)])

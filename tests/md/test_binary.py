@@ -96,7 +96,7 @@ def test_tsuji_maps_onto_the_dashpot():
         assert binary.collision(gr.TsujiHertz(1e3, alpha), UNIT, 0.7).restitution == pytest.approx(mapped, rel=1e-13)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_inverse_for_every_law_with_damping():
     @dataclass(frozen=True)
     class Own:
@@ -114,7 +114,7 @@ def test_inverse_for_every_law_with_damping():
     )
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_inverse_of_restitution_1_is_tried():
     @dataclass(frozen=True)
     class Twice:

@@ -49,7 +49,7 @@ def test_dashpots_become_hard_as_one_over_root_k(scene: gr.Scene, eps: float) ->
     assert order(scene, eps, law) == pytest.approx(0.5, abs=0.02)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @QUICK
 @given(DROPPED)
 def test_hertz_spheres_become_hard_as_the_duration_of_their_contacts(scene: gr.Scene) -> None:

@@ -39,7 +39,7 @@ def check_same(whole: gr.Trajectory, one: gr.Trajectory, two: gr.Trajectory) -> 
     assert log[np.lexsort((log["pair"], log["t_begin"]))].tobytes() == whole.contacts.tobytes()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_two_halves_are_the_whole(law, engine, tmp_path):
@@ -65,7 +65,7 @@ def test_two_halves_are_the_whole(law, engine, tmp_path):
     assert done
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_pile_that_creeps_is_gone_on_with():
     column = gr.scenes.column(4, gravity=9.81)
     law = gr.LinearDashpot(1e5, 300.0)
@@ -133,7 +133,7 @@ def test_disturbed_is_checked():
         gr.md.simulate(ball, gr.Hertz(1e6), t_end=0.1, method="verlet", disturbed="stop")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("law", [gr.LinearDashpot(1e4, 3.0), gr.Hertz(1e5), OwnHertz(1e5)])
 def test_ignored_contacts_are_soft_event_driven(law):
     """Every contact has the speeds of an isolated one, each pair one contact at a time, and neighbours wait for it."""
@@ -153,7 +153,7 @@ def test_ignored_contacts_are_soft_event_driven(law):
         assert not ((near["t_begin"] > row["t_begin"]) & (near["t_begin"] < row["t_end"])).any()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.usefixtures("interpreted")
 def test_a_run_of_an_earlier_version_that_crept_by_modes_goes_on():
     """Its records are those of the start of the creep, earlier than the end of its first part."""

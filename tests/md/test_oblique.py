@@ -96,7 +96,7 @@ def random_impact(seed):
     return law, pair, distance, speed * math.cos(angle), speed * math.sin(angle)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(15))
 def test_an_independent_integration_in_cartesian_coordinates_agrees(seed):
     law, pair, distance, normal, tangential = random_impact(seed)
@@ -179,7 +179,7 @@ def mean_rotation(law):
                for u, w in zip(node.tolist(), weight.tolist(), strict=True))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_means_over_impact_parameters():
     for s, ratio in ((0.003, 0.6665), (0.01, 0.6659), (0.03, 0.6644), (0.1, 0.6589)):
         assert mean_rotation(spring(s)) / s == pytest.approx(ratio, abs=6e-5)

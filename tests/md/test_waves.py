@@ -163,7 +163,7 @@ def test_a_matched_end_is_kept_by_files(tmp_path):
     assert (alone.gap[:-1] == scene.gap[:-1]).all()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("show", ["force", "velocity"])
 def test_a_picture_is_drawn(show, tmp_path):
     figure = pytest.importorskip("matplotlib.figure").Figure

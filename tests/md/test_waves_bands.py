@@ -124,7 +124,7 @@ def shaken(scene, laws, omega, amplitude, periods, seen=16):
     return 2.0 * ((moved - moved.mean(axis=0)) * wave).mean(axis=0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_decay_above_the_cut_off_measured_in_a_run():
     """The recipe's digits: 0.411833347 from ball to ball at 1.1 ω_c, by the located engine."""
     scene = gr.scenes.compressed_chain(12, FORCE, law=steel)
@@ -138,7 +138,7 @@ def test_decay_above_the_cut_off_measured_in_a_run():
     assert (u[1:8] / u[:7]).real.max() < -0.4  # neighbours move against each other
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_matched_end_sends_back_little():
     """tan(θ/4) of the amplitude, from linear equations with a resistance √(K m) at the end; a wall sends back all."""
     n, spring = 8, gr.LinearDashpot(1e7)

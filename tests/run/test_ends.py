@@ -120,7 +120,7 @@ def left_nothing(process):
     return process.communicate(timeout=PATIENCE)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @posix
 @pytest.mark.parametrize("asked", [signal.SIGTERM, signal.SIGKILL])
 def test_processes_of_a_sweep_end_with_the_command_and_what_was_solved_is_kept(tmp_path, asked):
@@ -137,7 +137,7 @@ def test_processes_of_a_sweep_end_with_the_command_and_what_was_solved_is_kept(t
     assert int((xarray.load_dataset(tmp_path / "map.nc")["status"] >= 0).sum()) == 16  # of the first look
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @posix
 def test_a_process_of_a_sweep_that_dies_is_one_sentence(tmp_path):
     pytest.importorskip("xarray")

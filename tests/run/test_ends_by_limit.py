@@ -7,7 +7,7 @@ import granular as gr
 from tests.helpers.scenes_at_random import laws, scene
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ["hard", "located"])
 def test_a_run_ends_where_it_does_without_rows(engine):
     ends = []

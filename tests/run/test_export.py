@@ -24,7 +24,7 @@ def resumed(run, physics, end):
     return (gr.md if run.rule is None else gr.edmd).resume(run, t_end=end)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("kind", "name"), [("hard", n) for n in HARD] + [("soft", n) for n in SOFT])
 @pytest.mark.usefixtures("interpreted")
 def test_npz_and_netcdf_bring_back_the_same_bits_and_go_on_alike(kind, name, tmp_path):
@@ -167,7 +167,7 @@ ENGINES = {
 }
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ENGINES)
 def test_rows_whose_times_the_run_tells(engine):
     told, end = [], gr.until.contact(1, 2)

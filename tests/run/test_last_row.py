@@ -24,7 +24,7 @@ def ends_within_a_contact(scene, laws):
     return [float(t) for t in (0.31 * log["t_end"] + 0.69 * log["t_begin"])[:2]]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_end_is_a_sample(engine):
     run, looked = ENGINES[engine], 0
@@ -47,7 +47,7 @@ def test_the_end_is_a_sample(engine):
     assert looked > 6
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", ["ring", "thermal walls", "pendula"])
 def test_the_end_is_a_sample_in_bounded_scenes(kind):
     looked = 0
@@ -102,7 +102,7 @@ ENDINGS = {
 }
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", ENDINGS)
 def test_a_run_that_ends_by_itself_shows_its_end_once(name):
     """As the run without these rows does, to the bit, however many rows there are."""

@@ -115,7 +115,7 @@ def test_soft_spheres_stop_where_rows_say(seed):
     check(go, level, t_end, rows)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", [2, 4])
 def test_hard_spheres_have_the_same_bits_compiled(seed):
     rng = np.random.default_rng(seed)

@@ -53,7 +53,7 @@ def closes(run):
     return compared
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_account_of_momentum_closes(engine):
     """Random rows: dashpots, Hertz, viscoelastic, Tsuji; no, one or two walls, at rest or not; gravity or none."""
@@ -68,7 +68,7 @@ def test_the_account_of_momentum_closes(engine):
     assert compared > 50
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("kind", range(3), ids=["ring", "thermal walls", "pendula"])
 def test_it_closes_in_bounded_scenes(kind):
     compared = 0

@@ -91,7 +91,7 @@ def test_what_the_log_does_not_tell_is_refused(run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_film_has_its_pictures_and_is_refused_for_too_many(tmp_path):
     image = pytest.importorskip("PIL.Image")
     for scene in (gas(2), RING):

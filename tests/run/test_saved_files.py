@@ -41,7 +41,7 @@ def files(tmp_path_factory):
     return folder
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.exact
 @pytest.mark.parametrize(("kind", "name"), ALL)
 def test_runs_of_every_kind_come_back_and_go_on_as_if_nothing_had_been(kind, name, older, files):
@@ -224,7 +224,7 @@ OLDER = {"noise", *wall_state.BALANCE_FIELDS}
 HARD_NAMES = [name for name in saved_scenes.cut("hard", "sine").state if name not in OLDER]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", HARD_NAMES)
 def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(name, files):
     run = gr.Trajectory.load(files / "hard_sine.npz")
@@ -235,7 +235,7 @@ def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(nam
             gr.edmd.resume(dataclasses.replace(run, state=state), t_end=1.0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("field", "value"), [
     ("pairs.slot", 99), ("pairs.slot", -5), ("pairs.first", 7), ("pairs.hi", 9), ("pairs.kind_of", 5), ("pairs.map", 9),
     ("pairs.wall", 3), ("pairs.mode", 9), ("pool.number", 8), ("pool.fired", 99), ("pool.head", 50), ("pool.manner", 9),
@@ -307,7 +307,7 @@ def batch(seeds, files, tmp_path):
     return fates
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("third", range(3))
 def test_edited_files_are_refused_in_a_sentence_or_are_the_same_run(third, files, tmp_path):
     quick = {("hard", name) for name in saved_scenes.HARD} | {("soft", name) for name in ("thermal", "ring", "pendula")}

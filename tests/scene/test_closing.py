@@ -20,7 +20,7 @@ def box(radius, **walls):
     return gr.Scene([math.inf, 1.0, math.inf], radius, [0.05, 0.05], walls.pop("velocity", [0.0] * 3), **walls)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("scene", "t_end", "soft", "hard"),
     [
@@ -54,7 +54,7 @@ def test_points_that_stand_beyond_each_other_from_the_start_are_a_compressed_cha
     assert gr.md.simulate(scene, LAW, t_end=0.3).status is gr.Status.time
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(60))
 def test_the_look_is_certified(seed):
     """Never later than a sample shows the walls beyond each other, and never while they are apart."""

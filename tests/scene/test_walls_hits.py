@@ -40,7 +40,7 @@ def test_first_hits_of_any_gap():
         assert_first(Exact(wall, side, t, tail, gap, rate, pull), s, limit)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("power", [-3, -6, -9, -12, -13, -14, -15])
 def test_first_hits_of_grazing_balls(power, sign):
@@ -150,7 +150,7 @@ def test_a_fall_so_long_that_no_float_knows_the_phase_is_no_endless_search(gap):
 # --- paths of other kinds --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_first_hits_on_a_spline(side):
     t, cubic = spline()
@@ -176,7 +176,7 @@ def test_first_hits_on_a_spline(side):
     assert hits > 20
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.filterwarnings("ignore:Descending")
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_first_hits_on_paths_with_corners(side):

@@ -143,7 +143,7 @@ def cubics(edges, left, right):
     return np.array([2 * (a + b) + p - q, 3 * (b - a) - p - q, q - p, a - b + p + q]).T / 4
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("frequency", [0.0, 20.0])
 @pytest.mark.parametrize("order", [0, 1])
 def test_random_panels_that_do_not_join_are_refused(order, frequency):

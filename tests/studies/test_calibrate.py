@@ -163,7 +163,7 @@ def wrong_laws(kind, count, seed):
             count -= 1
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("kind", "count"), [("intervals", 12), ("heights", 12), ("video", 4)])
 def test_pulls_and_chi2_have_their_expected_sums(kind, count):
     """Within 4 standard errors, for a few of the recordings below."""
@@ -172,7 +172,7 @@ def test_pulls_and_chi2_have_their_expected_sums(kind, count):
     assert abs((chi2 - dof).sum()) < 4.0 * math.sqrt(2.0 * dof.sum())
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("kind", "count"), [("intervals", 4), ("heights", 4), ("video", 1)])
 def test_a_wrong_law_is_rejected(kind, count):
     assert sum(wrong_laws(kind, count, 12)) >= count - count // 4

@@ -92,7 +92,7 @@ def random_list(seed):
     return i, j, begin, end, random.uniform(0.5, 2.0, len(i)).tolist(), [0] if seed % 3 == 0 else []
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_random_lists_agree_with_a_second_implementation():
     many = 0
     for seed in range(300):

@@ -109,7 +109,7 @@ def test_any_executor_gives_the_same_bits():
     assert again(3).scene == draws(3).scene != draws(4).scene
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("paired", [True, False])
 @pytest.mark.parametrize(("n", "of"), [(4, 1), (30, 3)])
 def test_intervals_and_answers_of_random_numbers(paired, n, of):

@@ -61,13 +61,13 @@ def test_what_is_varied():
     assert varied("stiffness", 100.0).law == gr.Hertz(1e7)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_located_is_right_everywhere(report):
     assert {row.verdict for row in report.of("located")} == {"right"}
     assert max(row.error for row in report.of("located")) < 1e-14
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_a_forgotten_step_is_flagged_and_an_own_one_is_right(report):
     for scene in ("stiffness × 1e+06", "stiffness × 1e+08"):
         *forgotten, own = report.of("verlet", scene)
@@ -128,7 +128,7 @@ def test_table_and_words_count_every_run(report):
     assert "not tried: gap × 0.001, gap × 1e-06, gap × 0: Neither the scene nor its laws change." in str(report)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_figure_holds_the_table(report, tmp_path):
     pytest.importorskip("matplotlib")
     figure = report.plot()
@@ -157,7 +157,7 @@ def test_misuse_is_one_sentence():
         gr.stability(gr.Scene([1, 1], [0.1] * 2, [0.1], np.zeros(2)).replace(), t_end=1.0, law=gr.Hertz(1e5))
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_the_command(granular):
     code, out, _ = granular("stability three-balls --axes gap --methods located rk4 --gap 1e-3 --json table.json")
     assert code == 0

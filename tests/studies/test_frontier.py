@@ -52,7 +52,7 @@ def report(coarse):
     return gr.frontier(scene, law, **end, methods=QUICK, repeats=1, reference=truth)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_located_is_at_rounding_level_and_the_fastest_below_1e_6(report):
     (located,) = report.of("located")
     assert located.rounding
@@ -122,7 +122,7 @@ def test_expected_orders_follow_from_how_forces_begin():
     assert orders(gr.WaltonBraun(1e6, 2e6), "verlet") == (2.0, 2.0)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_nonlinear_laws_have_a_tolerance_and_laws_with_memory_no_solver_without_events():
     scene, law, end = scene_and_law(lambda pair: gr.Hertz(1e9))
     truth = reference.Reference(contacts_of(gr.md.simulate(scene, law, **end)), 0.8, "until", "")
@@ -155,7 +155,7 @@ def test_json_has_provenance_and_every_digit(report, tmp_path):
         None if math.isnan(row.velocity_error) else row.velocity_error for row in report.rows]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_plot_writes_a_figure(report, tmp_path):
     for ending in ("png", "svg"):
         report.plot(tmp_path / f"out.{ending}")

@@ -222,7 +222,7 @@ def judged(some):
     return len(numbers), (~given).sum(), (error > 10.0 * estimate).sum()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_random_scenes_against_many_digits():
     count, missing, low = judged([row for row in ROWS if row["truth"]][::16])
     assert count > 15

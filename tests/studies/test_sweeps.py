@@ -53,7 +53,7 @@ def test_a_cell_is_what_compare_says():
     assert float(cell["error"]) == report.error
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("name", "over"), [
     ("ball-stack", {"gap": [1e-5, 1e-2]}), ("newtons-cradle", {"gap": [0.0, 1e-6]}), ("gas", {"t_end": [0.5, 3.0]}),
     ("three-balls", {"t_end": [0.3197, 0.32]}), ("column", {"restitution": [0.1, 0.9]}),
@@ -98,7 +98,7 @@ def test_cases_and_results_of_ones_own():
     assert all(np.array_equal(same[name].values, named[name].values, equal_nan=True) for name in same)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_boundaries_are_bisected():
     data = gr.sweep("three-balls", {"restitution": np.arange(0.5, 1.0, 0.005)}, refine="restitution", precision=1e-7)
     ends, counts = data["edge"].values, data["edge_contacts"].values[:, :, 1]

@@ -13,7 +13,7 @@ from granular.studies.sweeps.results import STATUS_CODES
 xr = pytest.importorskip("xarray")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr(schedule, "MAX_BATCH_SECONDS", 0.0)  # batches of one cell, whatever the machine's speed
     over, file = ["restitution=0.3:1:20", "gap=1e-6:1e-3:20:log"], tmp_path / "map.nc"
@@ -61,7 +61,7 @@ def test_a_map_without_an_answer_and_without_a_reason_is_refused(tmp_path):
     data["status"][:] = STATUS_CODES["misuse"]
     data.to_netcdf(file, engine="netcdf4")
     with pytest.raises(ValueError, match=r"All cells of PosixPath\('.*map\.nc'\) were refused, and the file does "
-                                         r"not say why\. Remove the file\."):
+                                         r"not contain a reason\. Remove the file\."):
         gr.sweep("three-balls", "gap=1e-5,1e-4", save=file)
 
 

@@ -18,7 +18,7 @@ ONE_BY_ONE = {"engine": "plain"}
 FAST = [name for name, result in RESULTS.items() if result.many]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("scene", "over", "fixed"), [
     ("three-balls", ["restitution=0.005:1:4", "gap=1e-7:1e-2:3:log"], {}),
     ("three-balls", ["radii[0]=0.009:0.2:6:log"], {"restitution": 0.8}),  # the first are ongoing at the end
@@ -38,7 +38,7 @@ def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
     assert fast["contacts"].values.max() >= 1
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("making", [1e-3, 10.0])
 def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkeypatch):
     """After 16 cells the others are compiled if one by one they would take longer than making the machine code."""
@@ -109,7 +109,7 @@ def pile_that_creeps(gamma):
     return Case(scene, gr.LinearDashpot(1e5, gamma), t_end=0.5)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.usefixtures("compiled_rest_tests")
 def test_a_pile_that_creeps_ends_as_it_does_alone(monkeypatch):
     """In steps as long as the creep, where those of the fast decay would be millions; with one law for all pairs."""

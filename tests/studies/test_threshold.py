@@ -67,7 +67,7 @@ def test_windows_are_found_from_both_sides():
     assert again.sentence.startswith("Nowhere is every contact isolated: gap[1] from 0.96")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("seed", range(2, 6))
 def test_random_scenes_against_whole_runs(seed):
     def case(k):
@@ -200,7 +200,7 @@ def test_report_json_and_figure(tmp_path):
     assert (tmp_path / "found.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("more", ["", " --criterion error --error 0.05"])
 def test_command_is_the_library(granular, tmp_path, more):
     options = {"criterion": "error", "error": 0.05} if more else {}

@@ -112,7 +112,7 @@ def test_the_link_brings_everything_back(lab, story) -> None:
     assert text(lab, ".notice").startswith("ε cannot be nonsense here (0.1 – 1): 0.9 is shown. N cannot be 99")
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("name", ["constructor", "toString", "__proto__"])
 def test_a_scene_that_is_none_is_told(blank, story, name) -> None:
     go(blank, f"{story}#scene={name}")
@@ -130,7 +130,7 @@ def test_a_value_that_cannot_be_is_told_until_something_changes(blank, story) ->
 HOST = """<!doctype html><title>host</title><p>The host's page</p><iframe ATTRIBUTES width=900 height=700></iframe>"""
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("sandbox", ["", "sandbox='allow-scripts'"])
 @pytest.mark.parametrize("way", ["src", "srcdoc"])
 def test_inside_an_iframe_it_stays_what_it_is(blank, live, tmp_path, way, sandbox) -> None:
@@ -267,7 +267,7 @@ def test_print_style(lab) -> None:
     assert shown == "none"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("scene", ["three-balls", "ball-stack&n=8", "newtons-cradle&n=9"])
 def test_nothing_sticks_out_on_a_small_phone(blank, story, scene) -> None:
     blank.size(360, 740, mobile=True)
@@ -363,7 +363,7 @@ def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):
 STRICT = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'self'\">"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("policy", [STRICT, STRICT.replace("default", "script")])
 def test_where_scripts_are_forbidden_the_page_says_so(tab, live, tmp_path, policy) -> None:
     html = Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8")

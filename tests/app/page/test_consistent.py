@@ -148,7 +148,7 @@ def test_held_as_far_apart_as_is_offered_the_answer_is_yes(page, story) -> None:
         assert text(page, ".verdict-words").startswith("No, but nearly" if nearly else "Yes"), gap
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("language", ["en", "de", "fr", "es", "tr", "zh"])
 def test_on_a_phone_words_of_the_last_picture_do_not_meet(blank, story, language) -> None:
     blank.size(390, 844, mobile=True)
@@ -171,7 +171,7 @@ def test_on_a_phone_words_of_the_last_picture_do_not_meet(blank, story, language
                     assert apart, (state, one, other)
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("link", [
     "scene=ball-stack&gap=0.01", "scene=ball-stack&gap=0.1&n=8", "scene=three-balls&gap=0.1",
 ])

@@ -10,7 +10,7 @@ def gauges(tab):
     return [text(tab, f".gauge-value.{engine}") for engine in ("hard", "soft")]
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
 def test_a_guess_is_dragged_and_held_against_both(page, way) -> None:
     page.media(prefers_reduced_motion="reduce")  # the film is its last picture
@@ -138,7 +138,7 @@ GRIP = """
 HELD = "document.querySelector('.hard .grip').getAttribute('aria-valuetext')"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
 def test_the_ball_is_dragged_until_both_agree(page, way) -> None:
     turn(page, 5)
@@ -172,7 +172,7 @@ Math.max(...['.grip-disc', '.gauge-value.hard', '.gauge-value.soft', '.verdict']
 """
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("width", "height", "most"), [(1366, 768, 700), (1280, 800, 700), (390, 844, 844)])
 def test_what_is_dragged_and_what_answers_it_are_seen_together(page, width, height, most) -> None:
     page.size(width, height, mobile=width < 500)
@@ -215,7 +215,7 @@ OscillatorNode.prototype.start = function (when) {
 """
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_four_clicks_are_heard_against_one(own, story) -> None:
     go(own, f"{story}#scene=newtons-cradle&eps=1&gap=0&n=5&k=1e7&lang=en")
     own.run(HEARD)

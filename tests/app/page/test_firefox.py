@@ -52,7 +52,7 @@ def fox():
         yield fox
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("state", STATES)
 def test_firefox_says_and_shows_the_same(blank, fox, story, state) -> None:
     """As a state opens, at the end of its film, and after a slider has been moved; who is slow is waited for."""

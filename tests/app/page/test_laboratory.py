@@ -13,7 +13,7 @@ from tests.app.page.browser import Browser, found
 from tests.app.page.driving import click, fresh, go, text
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) -> None:
     """1600 px at 1280 by 800, every scene as it opens; what is folded is there once it is opened, and drawn as wide."""
     blank.size(1280, 800)
@@ -34,7 +34,7 @@ def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) 
     blank.is_worn = True
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, language) -> None:
     """1600 px at 1280 by 800, real balls and the paper's: these are the tallest."""
@@ -113,7 +113,7 @@ class Quiet(SimpleHTTPRequestHandler):
         pass
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 def test_paper_has_the_code_of_a_page_that_has_an_address(tmp_path) -> None:
     """Of the state that is printed; lesson sheets have that of the opening. Afterwards there is none."""
     if found() is None:

@@ -119,7 +119,7 @@ PLACES = """
 """
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("width", [320, 390, 768, 1280])
 def test_balls_in_a_row_keep_their_order_beside_the_lens(blank, story, width) -> None:
     """A scale was once below zero where the lens left no room."""
@@ -160,7 +160,7 @@ EVERY = """
 """
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("scene", ["real-balls", "three-balls", "ball-stack", "newtons-cradle", "bouncing-ball"])
 def test_every_control_of_every_scene_answers(blank, story, scene) -> None:
     go(blank, f"{story}#scene={scene}")
@@ -178,7 +178,7 @@ def test_words_are_explained_on_tap(page) -> None:
 LABELS = "[...document.querySelectorAll('[aria-label]')].map((e) => e.ariaLabel).join(' ')"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_every_language_fills_every_screen(blank, story, language) -> None:
     go(blank, f"{story}#screen=0&lang={language}")
@@ -230,7 +230,7 @@ SMALL = """
 """
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize("width", [320, 360, 640, 768, 1920])
 def test_nothing_sticks_out_and_all_targets_are_large(page, width) -> None:
     """640 is a window of 1280 at 200 %."""
@@ -260,7 +260,7 @@ def test_on_a_phone_slider_and_stage_are_seen_together(page, story, state) -> No
 PLACE = "(() => { const b = document.querySelector('%s').getBoundingClientRect(); return [b.top, b.bottom]; })()"
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (768, 1024), (390, 844), (360, 740)])
 def test_each_screen_of_the_story_opens_with_its_picture_in_view(page, story, width, height) -> None:
     page.size(width, height, mobile=width < 760)
@@ -293,7 +293,7 @@ def test_text_is_readable(page, scheme) -> None:
     page.media()
 
 
-@pytest.mark.thirds
+@pytest.mark.rotating
 @pytest.mark.parametrize(
     ("link", "scheme"),
     [("#screen=6&lang=de", "light"), ("#scene=three-balls", "dark"), ("#scene=real-balls&lang=fr", "light")],
