@@ -65,11 +65,11 @@ def grouped(number: int) -> str:
     return f"{number:,}".replace(",", " ") if number >= 10_000 else str(number)
 
 
-def prices_page(text: str, tree: Path) -> str:
-    """Text of docs/development/prices.md with the current table."""
-    made = f"<!-- rooms -->\n{room_table(tree)}\n<!-- end -->"
+def prices_page(text: str, table: str) -> str:
+    """Text of docs/development/prices.md with the table of `room_table`."""
+    made = f"<!-- rooms -->\n{table}\n<!-- end -->"
     return re.sub(r"<!-- rooms -->.*?<!-- end -->", lambda _: made, text, flags=re.DOTALL)
 
 
 if __name__ == "__main__":
-    PAGE.write_text(prices_page(PAGE.read_text(encoding="utf-8"), REPO_ROOT), encoding="utf-8")
+    PAGE.write_text(prices_page(PAGE.read_text(encoding="utf-8"), room_table(REPO_ROOT)), encoding="utf-8")

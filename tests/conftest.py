@@ -22,8 +22,8 @@ with suppress(ImportError):  # files marked `core` do without
 
     settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
     settings.load_profile("same")
-MAKERS = ("studies/test_sweeps_ways", "edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located/test_compiled", "located/test_rest",
-          "fixed/test_engines")
+MAKERS = ("studies/test_sweeps_ways", "edmd/test_actions", "edmd/test_blocks", "edmd/test_engines",
+          "located/test_compiled", "located/test_rest", "fixed/test_engines")
 """Files that have machine code made for nearly all that others need."""
 TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "comparison/test_episodes",
           "comparison/test_figure", "comparison/test_driven_compare", "comparison/test_costs",

@@ -11,6 +11,7 @@ from granular._engine.package import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 PAGE = prices.PAGE.read_text(encoding="utf-8")
+TODAY = prices.room_table(ROOT)
 TOLERANCE = 0.05
 """Relative change of a room after which `python bench/prices.py` writes the table again."""
 
@@ -27,20 +28,21 @@ def test_the_table_has_the_rooms_of_the_package():
 
 
 def test_sizes_are_those_of_today():
-    today = rows(prices.room_table(ROOT))
+    today = rows(TODAY)
     for room, (files, count, _) in rows(PAGE).items():
         assert [files, count] == pytest.approx(today[room][:2], rel=TOLERANCE, abs=2), f"{room}: python bench/prices.py"
 
 
 def test_seconds_are_those_of_the_readme_of_the_tests():
-    today = rows(prices.room_table(ROOT))
+    today = rows(TODAY)
     assert {room: row[2] for room, row in rows(PAGE).items()} == pytest.approx(
         {room: row[2] for room, row in today.items()}, rel=0.25, abs=5), "python bench/prices.py"
 
 
 def test_writing_the_page_again_keeps_its_text():
-    assert rows(prices.prices_page(PAGE, ROOT)).keys() == rows(PAGE).keys()
-    assert prices.prices_page(PAGE, ROOT).partition("<!-- end -->")[2] == PAGE.partition("<!-- end -->")[2]
+    page = prices.prices_page(PAGE, TODAY)
+    assert rows(page).keys() == rows(PAGE).keys()
+    assert page.partition("<!-- end -->")[2] == PAGE.partition("<!-- end -->")[2]
 
 
 def test_every_extra_is_listed_with_its_packages():

@@ -94,6 +94,7 @@ def test_a_map_whose_file_was_changed_is_refused_in_a_sentence(tmp_path):
         gr.sweep("three-balls", over, save=5, results=["v_rel"])
 
 
+@pytest.mark.rotating
 def test_a_map_beside_a_driven_wall_of_the_release_before_goes_on(tmp_path):
     """Its question called the wall by the place of its class."""
     scene = gr.scenes.bouncing_ball(plate=gr.walls.Sine(1e-3, 20.0))
