@@ -139,9 +139,9 @@ class MatchedEnd:
     """Absorbing end of a chain: F = F₀ + √(K m) ξ̇ between its last ball and a wall.
 
     m is the mass of the last ball. √(K m) is the impedance of an infinite chain for slow waves. The static force F₀
-    keeps the force positive where √(K m) |ξ̇| < F₀. A dashpot without it would be clipped half of the time. A wave of
-    frequency ω = ω_c sin(θ/2) is reflected with tan(θ/4) of its amplitude, where ω_c is the cut-off frequency. θ is the
-    phase difference between neighbouring balls.
+    keeps the force positive where √(K m) |ξ̇| < F₀. Without F₀, the dashpot force would be clipped to 0 half
+    of the time. A wave of frequency ω = ω_c sin(θ/2) is reflected with tan(θ/4) of its amplitude, where ω_c is the
+    cut-off frequency. θ is the phase difference between neighbouring balls.
 
     Parameters
     ----------

@@ -385,7 +385,8 @@ def oblique(law: Any, pair: Pair, distance: float, normal_speed: float, tangenti
     """Compute the oblique impact of two frictionless spheres, in three dimensions.
 
     During a contact the line of centres turns, so a soft impact deviates from a hard-sphere collision even without
-    other contacts. The rotation in rad is about three times the relative overlap ξ_max/(R₁ + R₂).
+    other contacts. At 45° the rotation in rad is about three times the relative overlap
+    ξ_max/(R₁ + R₂). Nearer to head-on it is proportional to tangential_speed/normal_speed.
 
     Parameters
     ----------

@@ -30,7 +30,8 @@ class Pair:
     index : int
         Number of the pair, counted from the bottom (left).
     label : str
-        Name of the pair in messages, such as "floor–1". Empty by default: then the numbers of the bodies are the name.
+        Name of the pair in messages, such as "floor–1". Empty by default: the pair is then named by
+        the numbers of its bodies.
     """
 
     m_eff: float

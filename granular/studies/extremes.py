@@ -242,7 +242,7 @@ def stability(
     progress: bool = False,
     **fixed: Any,
 ) -> Stability:
-    """Test all methods on a scene that is made stiff, close, damped and unequal.
+    """Test all methods on stiffer, closer, more damped or unequal variants of a scene.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def stability(
     methods : str or sequence of str
         Methods to test, from located, verlet, symplectic-euler, rk4, gear5. Defaults to all of them.
     error : float
-        Maximum error of velocities, in units of the impact speed, of a right result. Defaults to 0.01.
+        Largest velocity error, in units of the impact speed, at which a result is "right". Defaults to 0.01.
     on_progress : callable, optional
         ``on_progress(reached, count)`` is called after each run with the fraction of finished runs and their number.
     progress : bool
