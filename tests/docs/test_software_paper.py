@@ -144,9 +144,9 @@ def measures():
             f"The error exceeds {LIMIT} in {bad} of them",
             f"over {WORDS[len(CANDIDATE_LABELS)]} measures of disagreement, "
             f"for {number} runs of {WORDS[len(STORED['scenes'])]} kinds of scenes",
-            f"Its best limit is wrong for {time_wrong} runs, and its rank correlation with the error is "
+            f"Its best limit misclassifies {time_wrong} runs, and its rank correlation with the error is "
             f"{rank['occupation']:.2f}",
-            f"Its best limit is wrong for {p_wrong} runs, with a rank correlation of {rank['crowding']:.2f}. "
+            f"Its best limit misclassifies {p_wrong} runs, with a rank correlation of {rank['crowding']:.2f}. "
             f"In the {np.sum(separate)} runs with p = 0, the error is below {largest:.4f}",
             f"a rank correlation of {rank['shared_impulse']:.2f}. Its best limit wrongly rejects {phi_wrong} runs, "
             f"among them a cradle with φ = {phi[worst]:.2f} and an error of {error[worst]:.4f}")
