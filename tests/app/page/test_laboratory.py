@@ -135,3 +135,15 @@ def test_paper_has_the_code_of_a_page_that_has_an_address(tmp_path) -> None:
         assert browser.run(coded) == [f"{here}#screen=0&lang=de"]
         assert browser.run(CUT) == []
         server.shutdown()
+
+
+def test_the_scale_of_paths_fits_into_a_picture_on_a_phone(page, story):
+    page.size(390, 844)
+    for language in ("de", "fr", "es"):
+        go(page, f"{story}#scene=three-balls&lang={language}")
+        beyond = page.run(
+            "[...document.querySelectorAll('.stage svg text')].filter((one) => / × 10$/.test(one.textContent))"
+            ".map((one) => one.getBoundingClientRect().right - one.closest('svg').getBoundingClientRect().right)")
+        assert len(beyond) == 2, language
+        assert max(beyond) <= 0.0, language
+    page.size(1280, 900)

@@ -148,7 +148,7 @@ export class Upright {
 
   tellScale(zoom) {
     const { camera, look } = this, [key, n] = zoom > 0.5 ? ["paths-larger", camera.times] : ["balls-larger", camera.larger];
-    set(this.note, { x: 10, y: this.tall - 8, class: "ruler-tick" });
+    set(this.note, { x: 10, y: this.tall - 8, class: "ruler-tick", style: this.isNarrow ? "font-size:10px" : "" });
     text(this.note, n <= 1.05 || look.opens ? "" : plain(key, { times: [n, "", 2] }));
   }
 
