@@ -8,9 +8,9 @@ import { hardHeights, softHeights } from "../physics/traces.mjs";
 import { seriesIn } from "./columns.mjs";
 import { RECORDED } from "./recorded.mjs";
 import { plain, told } from "./words.mjs";
-import { max } from "../physics/numbers.mjs";
+import { max, min } from "../physics/numbers.mjs";
 
-const CURVE_STEPS = 240, BALL = 7, PLACES = [1.05, 1.1, 1.15]; // of the curves; pixels; where the balls are, in spans of time
+const CURVE_STEPS = 240, BALL = 7, PLACES = [1.05, 1.1, 1.15], DOTS = 1500; // of the curves; pixels; where the balls are, in spans of time; drawn at most
 
 export class Measured {
   constructor() {
@@ -19,15 +19,16 @@ export class Measured {
     this.chart.svg.append(...this.balls);
     set(this.chart.svg, { "aria-label": plain("measured") });
     set($(".measured-play"), { onclick: () => this.play() });
-    set($(".measured-file"), { onchange: (event) => this.take(event.target.files[0]) });
+    set($(".measured-file"), { onclick: (event) => (event.target.value = ""), onchange: (event) => this.take(event.target.files[0]) }); // a file can be chosen again
   }
 
   // Of a file, which stays on this device.
   async take(file) {
-    const series = file && seriesIn(await file.text());
-    if (!series) return told($(".measured-note"), file ? "measured-bad" : "");
+    if (!file) return;
+    const series = seriesIn(await file.text().catch(() => ""));
+    if (!series) return told($(".measured-note"), "measured-bad");
     Object.assign(this, { series, source: { say: "measured-own", name: file.name, n: series.length } });
-    this.load("bouncing-ball", this.values);
+    if (!$(".measured-box").hidden) this.load("bouncing-ball", this.values);
   }
 
   load(name, values) {
@@ -37,26 +38,27 @@ export class Measured {
     if (wasHidden) Chart.measure([this.chart]);
     const end = this.series[this.series.length - 1][0], scene = { ...sceneOf(name, values), until: null, tEnd: end }, { eps, k } = contactsIn(name, values);
     const hard = simulateHard(scene, eps, { record: true }), soft = simulateSoft(scene, eps, k, { record: true });
-    Object.assign(this, { values, end, models: [(t) => hardHeights(hard, t)[1], (t) => softHeights(soft, t)[1], (t) => between(this.series, t)] });
+    Object.assign(this, { values, end, models: [(t) => max(0, hardHeights(hard, t)[1]), (t) => max(0, softHeights(soft, t)[1]), (t) => between(this.series, t)] });
     told($(".measured-note"), this.source.say, this.source);
     this.draw();
     this.show(this.now ?? 0);
   }
 
   draw() {
-    const { chart, series, models, end } = this, times = Array.from({ length: CURVE_STEPS + 1 }, (_, i) => (i / CURVE_STEPS) * end), most = max(this.values.height, ...series.map(([, y]) => y));
-    chart.scales([0, 1.2 * end], [0, 1.08 * most]);
+    const { chart, series, models, end } = this, times = Array.from({ length: CURVE_STEPS + 1 }, (_, i) => (i / CURVE_STEPS) * end), [least, most] = series.reduce(([low, high], [, y]) => [min(low, y), max(high, y)], [0, this.values.height]), step = Math.ceil(series.length / DOTS);
+    chart.scales([0, 1.2 * end], [1.08 * least, 1.08 * most]);
     chart.xTicks(ticks([0, end]), tickName, plain("time-in", { unit: "s" }));
-    chart.yTicks(ticks([0, most]), tickName, plain("in-metres"));
-    ["hard-line", "soft-line"].forEach((line, i) => chart.line(times.map((t) => [t, max(0, models[i](t))]), { class: line }));
-    for (const [t, y] of series) chart.add("circle", { cx: chart.x(t), cy: chart.y(y), r: 2, class: "measured-own" });
+    chart.yTicks(ticks([least, most]), tickName, plain("in-metres"));
+    ["hard-line", "soft-line"].forEach((line, i) => chart.line(times.map((t) => [t, models[i](t)]), { class: line }));
+    for (const [t, y] of series.filter((_, i) => i % step === 0)) chart.add("circle", { cx: chart.x(t), cy: chart.y(y), r: 2, class: "measured-own" });
     chart.finish(plain("measured"));
   }
 
-  show(t) {
+  show(asked) {
+    const t = min(asked, this.end);
     this.now = t;
     this.chart.playhead(t);
-    this.balls.forEach((ball, i) => set(ball, { cx: this.chart.x(PLACES[i] * this.end).toFixed(1), cy: (this.chart.y(max(0, this.models[i](t))) - BALL).toFixed(1) }));
+    this.balls.forEach((ball, i) => set(ball, { cx: this.chart.x(PLACES[i] * this.end).toFixed(1), cy: (this.chart.y(this.models[i](t)) - BALL).toFixed(1) }));
   }
 
   play() {
@@ -66,7 +68,7 @@ export class Measured {
     const next = () => {
       const t = (performance.now() - this.begun) / 1000;
       if (!this.begun) return;
-      this.show(t < this.end ? t : this.end);
+      this.show(t);
       if (t < this.end) requestAnimationFrame(next);
       else this.pause();
     };
@@ -81,6 +83,6 @@ export class Measured {
 
 // The height at a time, on a straight line between two points.
 function between(series, t) {
-  const i = max(1, series.findIndex(([at]) => at >= t)), [[t0, y0], [t1, y1]] = [series[i - 1], series[i]];
+  const i = max(1, series.findIndex(([at], i) => at >= t || i === series.length - 1)), [[t0, y0], [t1, y1]] = [series[i - 1], series[i]];
   return t < t0 ? y0 : y0 + ((y1 - y0) * (t - t0)) / (t1 - t0);
 }
