@@ -79,3 +79,38 @@ def test_heights_of_one_ball_are_in_metres(page) -> None:
     assert hard == pytest.approx([2 * 0.82**2], rel=5e-3)
     assert soft == pytest.approx(hard, rel=0.02)
     assert text(page, ".hard .ruler").endswith("m0: basketball at rest")
+
+
+def test_the_heaviest_ball_can_be_made_lighter_again(page) -> None:
+    """By the hand that still holds it, past the end and back, and by keys."""
+    turn(page, 3)
+    settle(page)
+    x, y, _ = page.run(KNOB % ("hard", "m2"))
+    hold = {"button": "left", "buttons": 1, "y": y}
+    page.call("Input.dispatchMouseEvent", type="mousePressed", x=x, clickCount=1, **hold)
+    masses = []
+    for pixels in (400, 500, 20):
+        page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + pixels, **hold)
+        settle(page)
+        masses.append(float(page.run(VALUE % ("hard", "m2", "valuenow"))))
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 20, y=y, button="left", clickCount=1)
+    assert masses[0] == masses[1] == 0.62
+    assert masses[2] < 0.1
+    page.run("document.querySelector('.grip-m2').focus()")
+    for key in ("End", "ArrowLeft"):
+        page.key(key)
+        settle(page)
+    assert float(page.run(VALUE % ("hard", "m2", "valuenow"))) == pytest.approx(0.62 / 1.1, rel=2e-3)
+
+
+def test_a_drag_ends_with_its_screen(page) -> None:
+    turn(page, 3)
+    settle(page)
+    x, y, _ = page.run(KNOB % ("hard", "m2"))
+    page.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", buttons=1, clickCount=1)
+    turn(page, 5)
+    settle(page)
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 50, y=y, button="left", buttons=1)
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 50, y=y, button="left", clickCount=1)
+    settle(page)
+    assert page.run(VALUE % ("hard", "gap", "valuetext")) == "1 mm"

@@ -63,6 +63,7 @@ export class Handle {
   // `kind` or nothing; `value` of it, from `least` to `most`, its `label` and `unit`, and the gap from which on contacts do not overlap.
   load({ kind, value, least = 0, most, safe, label, unit, isFirst }) {
     const own = GRIPS[kind] ?? {}, { engine } = this.view, has = kind && (own.engine ?? engine) === engine, isSlider = has && (own.engine ? true : isFirst);
+    if (kind !== this.asked) Object.assign(this, { asked: kind, from: null }); // another screen while it is dragged
     Object.assign(this, { kind: has ? kind : "", own, value, least, most, safe });
     const shown = kind === "guess" ? this.view.guessSaid(value ?? "–") : value ? quantity(value, unit) : plain("touching");
     text(this.parts[3], kind === "guess" || kind === "gap" ? "" : shown);

@@ -27,7 +27,7 @@ const pick = (scene, names) => Object.fromEntries(names.map((name) => [name, SET
 
 export const screenOf = (number) => SCREENS[number] ?? {};
 // A setting that stands alone says of which ball it is, and ends where the picture does.
-const ENDS = { t1: { min: 1e-4 }, m2: { max: 0.624 } };
+const ENDS = { t1: { min: 1e-4 }, m2: { max: 0.62 } }; // kg: 0.624 is the basketball, whose mass is its own
 export const alone = ({ group, ...spec }) => ({ ...spec, ...ENDS[spec.name], of: group });
 // In the story a ball of another mass is another ball, as dense as the lower one.
 export const another = (screen, { m1, r1 }, { m2, r2 }) => (screen < LAB && m2 && !r2 ? { r2: r1 * Math.cbrt(m2 / m1) } : {});
