@@ -76,14 +76,15 @@ def test_own_columns_are_read_with_either_decimal_sign(blank, story, written, sa
 
 
 def test_files_that_are_short_long_below_the_floor_or_not_chosen(blank, story) -> None:
-    """The clock stays within the file, all points lie within the chart, and a dialog without a choice changes nothing."""
+    """The clock stays within the file, all points lie within the chart, and a cancelled dialog changes nothing."""
     go(blank, f"{story}#scene=bouncing-ball&lang=en")
     blank.run("document.querySelector('.measured-play').click()")
     blank.wait("document.querySelector('.measured .playhead').x1.baseVal.value > 80")
     note, _ = blank.run(GIVEN % "0;1\n0.01;.9\n0.02;-.5")
     blank.wait("document.querySelector('.measured-play').textContent === 'play'")
     assert blank.run("document.querySelector('.measured .playhead').getAttribute('visibility')") == "visible"
-    lowest = blank.run("Math.max(...[...document.querySelectorAll('.measured .body circle')].map((c) => c.cy.baseVal.value))")
+    lowest = blank.run(
+        "Math.max(...[...document.querySelectorAll('.measured .body circle')].map((c) => c.cy.baseVal.value))")
     zero = blank.run("Number([...document.querySelectorAll('.measured .grid text')].find((t) => t.textContent === '0'"
                      " && t.getAttribute('text-anchor') === 'end').getAttribute('y'))")
     assert zero < lowest < 225 - 38
@@ -94,7 +95,7 @@ def test_files_that_are_short_long_below_the_floor_or_not_chosen(blank, story) -
     settle(blank)
     assert text(blank, ".measured-note") == note
     rows = "Array.from({ length: 2e5 }, (_, i) => `${i},1`).join('\\n')"
-    note, drawn = blank.run((GIVEN % "ROWS").replace("'ROWS'", rows))
+    blank.run((GIVEN % "ROWS").replace("'ROWS'", rows))
     blank.wait("document.querySelector('.measured-note').textContent.includes('200000')")
     assert 1000 < blank.run("document.querySelectorAll('.measured .body .measured-own').length") <= 1500
     blank.is_worn = True
