@@ -51,8 +51,11 @@ def test_a_recording_is_played_beside_both_models(blank, story) -> None:
     blank.run("document.querySelector('.measured-play').click()")
     blank.wait(f"{HEIGHTS}.every((cy, i) => cy > {start}[i] + 40)")
     assert text(blank, ".measured-play") == "pause"
+    blank.run("document.querySelector('.language').value = 'es'")
+    blank.run("document.querySelector('.language').dispatchEvent(new Event('change', { bubbles: true }))")
+    assert text(blank, ".measured-play") == assemble.words("es")["pause"]
     blank.run("document.querySelector('.measured-play').click()")
-    assert text(blank, ".measured-play") == "play"
+    assert text(blank, ".measured-play") == assemble.words("es")["play"]
     blank.is_worn = True
 
 

@@ -40,6 +40,7 @@ export class Measured {
     const hard = simulateHard(scene, eps, { record: true }), soft = simulateSoft(scene, eps, k, { record: true });
     Object.assign(this, { values, end, models: [(t) => max(0, hardHeights(hard, t)[1]), (t) => max(0, softHeights(soft, t)[1]), (t) => between(this.series, t)] });
     told($(".measured-note"), this.source.say, this.source);
+    told($(".measured-play"), this.begun ? "pause" : "play"); // in another language, too
     this.draw();
     this.show(this.now ?? 0);
   }
