@@ -76,6 +76,8 @@ def test_lesson_sheets_fill_three_pages_in_the_words_of_the_page(blank, story, l
     (tmp_path / "pack.pdf").write_bytes(b64decode(paper))
     pages = pypdf.PdfReader(tmp_path / "pack.pdf").pages
     assert [[round(side * 25.4 / 72) for side in page.mediabox[2:]] for page in pages] == [[210, 297]] * 3
+    for i, page in enumerate(pages):  # no dots of a capital letter on the page before
+        assert page.extract_text().split("\n")[-1].strip() not in words["pack-teacher"], i
     blanks = blank.run(FILLED % 1)
     assert blanks == ["\u2060"] * len(blanks)
     numbers = [one.replace(words["decimal"], ".") for one in blank.run(FILLED % 2)]
