@@ -309,3 +309,31 @@ def test_it_prints_to_one_sheet(page, story, link, scheme) -> None:
     page.media()
 
 
+
+
+OVERLAPPING = """
+[...document.querySelectorAll('.stage svg')].filter((host) => host.checkVisibility()).flatMap((host) => {
+  const unseen = '[display=none], [opacity="0"], [opacity="0.00"], [visibility=hidden]';
+  const seen = (one) => one.textContent.trim() && !one.closest(unseen);
+  const words = [...host.querySelectorAll('text')].filter(seen);
+  const boxes = words.map((one) => one.getBoundingClientRect());
+  const edge = host.getBoundingClientRect(), out = (box) => box.left < edge.left - 1 || box.right > edge.right + 1;
+  const shared = (a, b, from, to) => Math.min(a[to], b[to]) - Math.max(a[from], b[from]);
+  const meet = (a, b) => shared(a, b, 'left', 'right') > 3 && shared(a, b, 'top', 'bottom') > 4;
+  const isBad = (box, i) => out(box) || boxes.some((other, j) => j > i && meet(box, other));
+  return words.filter((_, i) => isBad(boxes[i], i)).map((one) => one.textContent);
+})
+"""
+
+
+@pytest.mark.parametrize(("width", "height", "language"), [(1366, 768, "es"), (390, 844, "es"), *(
+    pytest.param(width, height, language, marks=pytest.mark.soak)
+    for width, height in ((1366, 768), (390, 844)) for language in ("en", "de", "fr", "tr", "zh"))])
+def test_words_in_the_picture_do_not_overlap_and_are_not_cut(page, width, height, language) -> None:
+    """Spanish has the longest names. The lens of the laboratory is beside the ball of screen 6."""
+    page.size(width, height, mobile=width < 500)
+    go(page, f"{page.run('location.href.split(/[?#]/)[0]')}#screen=1&lang={language}")
+    for screen in range(1, 8):
+        turn(page, screen)
+        settle(page)
+        assert page.run(OVERLAPPING) == [], screen

@@ -21,7 +21,7 @@ export class Lens {
   // Round (cx, cy), of radius r; `range` is the distance in m that fills most of it, `natural` how many pixels a metre has; balls touch
   // where less than `least` is between them: that is rounding.
   layout({ cx, cy, r, upright, range, natural, least }) {
-    Object.assign(this, { cx, cy, r, upright, least, scale: (0.9 * r) / range });
+    Object.assign(this, { cx, cy, r, upright, least, valueAt: cy + r + 13, scale: (0.9 * r) / range });
     for (const circle of [this.cut, this.glass, this.rim]) set(circle, { cx, cy, r });
     set(this.value, { x: cx, y: cy + r + 17 });
     set(this.times, { x: cx, y: cy - r - 7 });

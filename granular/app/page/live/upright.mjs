@@ -10,6 +10,9 @@ import { plain } from "./words.mjs";
 import { abs, max, min } from "../physics/numbers.mjs";
 
 const LEFT = 44, GAUGE = 26, NARROW = 260; // pixels: of the ruler, of the gauge, and a stage that is too small for all its words
+const NAME_SIZE = 13, TICK_SIZE = 12, LEAST_SIZE = 0.62, LENS_WORDS = 104; // pixels; share of a name's size below which it is hidden; pixels
+const widthOf = (words) => [...words].reduce((wide, sign) => wide + (sign > "\u2e80" ? 1 : 0.6), 0); // in sizes of a font
+const smaller = (size, share) => (share < 1 ? `font-size: ${(size * share).toFixed(1)}px` : "");
 
 export class Upright {
   constructor(engine, host) {
@@ -59,7 +62,7 @@ export class Upright {
     this.ruler.innerHTML = ticks([0, camera.most / per], 5).map((v) => {
       const y = camera.down(rest + v * per * scale);
       return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v * per === scene.drop ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: min(y + 4, camera.down(5)), "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
-    }).join("") + [plain(this.look.inLab ? "in-drops" : "in-metres"), plain("zero-is", { ball: this.look.called(top) })].map((words, i) => markup("text", { x: w - 10, y: (this.isNarrow ? 38 : 20) + 15 * i, "text-anchor": "end", class: "ruler-tick" }, words)).join("");
+    }).join("") + [plain(this.look.inLab ? "in-drops" : "in-metres"), plain("zero-is", { ball: this.look.called(top) })].map((words, i) => markup("text", { style: smaller(TICK_SIZE, (w - 16) / (0.9 * TICK_SIZE * widthOf(words))), x: w - 10, y: (this.isNarrow ? 38 : 20) + 15 * i, "text-anchor": "end", class: "ruler-tick" }, words)).join("");
   }
 
   // How high the top ball will fly, beside the contact that decides it.
@@ -74,6 +77,7 @@ export class Upright {
 
   show(frame, press) {
     const { camera, film, engine } = this, heights = film.heights(engine, frame.time), balls = camera.place(heights, frame.zoom);
+    this.isNear = frame.zoom > 2 / 3;
     balls.forEach((ball, i) => i && this.put(this.each[i], ball));
     this.placed = balls;
     const [first] = balls.slice(1), height = max(0, first.low), fade = max(0, 1 - height / (0.8 * this.tall));
@@ -94,7 +98,9 @@ export class Upright {
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
     set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
     const isInside = r > 44, isAside = this.look.handles[1]?.kind === "t1" && this.engine === "soft"; // room for a spring
-    set(label, { visibility: this.isNarrow && !isInside ? "hidden" : "visible" });
+    const y = this.camera.down(low + r), isByLens = this.look.watched && this.isNear && abs(y - this.lens.valueAt) < 18, room = isInside ? 2 * r + (this.isNarrow ? -12 : 40) : this.w - (isByLens ? LENS_WORDS : 4) - this.x - r - 8;
+    const share = min(1, room / (NAME_SIZE * widthOf(label.textContent)));
+    set(label, { visibility: (this.isNarrow && !isInside) || share < LEAST_SIZE ? "hidden" : "visible", style: smaller(NAME_SIZE, share) });
     set(label, isInside ? { x: 0, y: isAside ? -0.68 * r : 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), y: 0, "text-anchor": "start" });
   }
 
