@@ -1,5 +1,5 @@
-"""Every test has an environment of its own; those that make machine code come first; some run
-in one commit of five.
+"""Every test has an environment of its own; those that make machine code come first; some run in
+one commit of five only.
 """
 
 import gc
@@ -37,7 +37,7 @@ PATIENCE = {
 }
 """How long "auto" waits before it makes machine code, by modules and the names of their limits."""
 SHARES = 5
-"""Number of commits after which all cases marked `rotating` have run once, on average."""
+"""A commit runs one in this number of cases marked `rotating`. Its hash selects them."""
 
 HERE = Path(__file__).parent
 assert [name for name in (*MAKERS, *TAKERS) if not (HERE / f"{name}.py").is_file()] == []

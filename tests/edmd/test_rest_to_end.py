@@ -17,7 +17,7 @@ FORCED = [
 ]
 """Engines, and what presses a ball down.
 
-The compiled cases with a force need the same machine code, so they are in one share of `tests.conftest.SHARES`."""
+Compiled "force" and "both" need the same machine code, so both are in one share of `tests.conftest.SHARES`."""
 
 
 def pressed(kind, rng):
