@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,14 @@ from granular._engine.package import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 PAGE = prices.PAGE.read_text(encoding="utf-8")
-TODAY = prices.room_table(ROOT)
 TOLERANCE = 0.05
 """Relative change of a room after which `python bench/prices.py` writes the table again."""
+
+
+@cache
+def room_table():
+    """The table of the package as it is, made only when a test needs it: collecting the tests stays fast."""
+    return prices.room_table(ROOT)
 
 
 def rows(text):
@@ -28,19 +34,19 @@ def test_the_table_has_the_rooms_of_the_package():
 
 
 def test_sizes_are_those_of_today():
-    today = rows(TODAY)
+    today = rows(room_table())
     for room, (files, count, _) in rows(PAGE).items():
         assert [files, count] == pytest.approx(today[room][:2], rel=TOLERANCE, abs=2), f"{room}: python bench/prices.py"
 
 
 def test_seconds_are_those_of_the_readme_of_the_tests():
-    today = rows(TODAY)
+    today = rows(room_table())
     assert {room: row[2] for room, row in rows(PAGE).items()} == pytest.approx(
         {room: row[2] for room, row in today.items()}, rel=0.25, abs=5), "python bench/prices.py"
 
 
 def test_writing_the_page_again_keeps_its_text():
-    page = prices.prices_page(PAGE, TODAY)
+    page = prices.prices_page(PAGE, room_table())
     assert rows(page).keys() == rows(PAGE).keys()
     assert page.partition("<!-- end -->")[2] == PAGE.partition("<!-- end -->")[2]
 
