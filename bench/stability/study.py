@@ -15,6 +15,7 @@ from bench.stability.cell import ALL_METHODS, FIXED_METHODS, SOFT_METHODS, Cell,
 from bench.stability.report import StabilityReport
 from granular import edmd, md
 from granular._engine import check
+from granular._engine.callables import callback
 from granular._engine.kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
 from granular.laws.rules import ConstantRestitution
@@ -94,7 +95,7 @@ def stability(
     """
     chosen_methods = _named("methods", methods, ALL_METHODS)
     chosen_axes = _named("axes", axes, tuple(AXES))
-    check.callback("on_progress", on_progress, "reached", "count")
+    callback("on_progress", on_progress, "reached", "count")
     limit = check.number("seconds", seconds, above=0.0)
     if not quick:
         warm_up(chosen_methods, "driven" in chosen_axes)

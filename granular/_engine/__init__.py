@@ -3,6 +3,6 @@
 Modules of this folder do not depend on scenes, laws or engines.
 
 Start with: `flight`.
-Support modules: `check`, `compiler_state`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`,
+Support modules: `callables`, `check`, `compiler_state`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`,
 `progress`, `records`, `reports`, `roots`, `signature`.
 """

@@ -14,6 +14,7 @@ from importlib import import_module
 from importlib.util import find_spec
 
 from granular._engine import check
+from granular._engine.callables import callback
 
 LINE_INTERVAL = 30.0
 """Time in s between two lines."""
@@ -44,8 +45,8 @@ def progress_callback(
         End and start of a run in s, or 1 and 0 for work that reports its completed fraction. inf means that the end is
         unknown.
     """
-    callback = check.callback("on_progress", on_progress, "reached", "count")
-    return _reported(callback, things, end, start) if check.boolean("progress", progress) else nullcontext(callback)
+    report = callback("on_progress", on_progress, "reached", "count")
+    return _reported(report, things, end, start) if check.boolean("progress", progress) else nullcontext(report)
 
 
 @contextmanager

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, check_argument_types
+from granular._engine.callables import check_argument_types
+from granular._engine.check import Array
 from granular.comparison.outcome import (
     SIMULTANEITY_TOLERANCE,
     approach,

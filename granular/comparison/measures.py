@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
+from granular._engine.callables import check_argument_types
 from granular._engine.check import Array
 from granular.comparison.outcome import approach, counts
 from granular.laws.kinds import resolved
@@ -348,4 +349,4 @@ def _distance(times: Array, others: Array) -> Array:
     return np.minimum(left, np.abs(others[np.minimum(at, len(others) - 1)] - times))
 
 
-check.check_argument_types(globals(), Scene, Trajectory)
+check_argument_types(globals(), Scene, Trajectory)

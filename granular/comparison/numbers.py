@@ -13,6 +13,7 @@ import numpy as np
 
 from granular import edmd
 from granular._engine import check
+from granular._engine.callables import callback
 from granular.comparison import align, measures, outcome
 from granular.comparison.episodes import Departure, Departures, is_at_rest, rest_differences
 from granular.comparison.measures import Overlap
@@ -198,7 +199,7 @@ class ComparedRuns:
                              "the run, such as a mean height.")
         from granular.comparison.further import roots
 
-        check.callback("observable", observable, "run")
+        callback("observable", observable, "run")
         restitutions = np.linspace(
             0.0, 1.0, check.integer("resolution", resolution, at_least=2, at_most=check.MAX_REQUESTED_COUNT)
         )

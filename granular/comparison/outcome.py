@@ -15,7 +15,8 @@ from zlib import crc32
 
 import numpy as np
 
-from granular._engine.check import Array, check_argument_types, of_kind
+from granular._engine.callables import check_argument_types
+from granular._engine.check import Array, of_kind
 from granular.md.isolation import isolated_durations
 from granular.run.trajectory import Trajectory
 

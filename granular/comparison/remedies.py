@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from granular import edmd
 from granular._engine import check
+from granular._engine.callables import callback
 from granular._engine.reports import Report, aligned, number, problem
 from granular.comparison import align, measures
 from granular.comparison.outcome import ERROR_LIMIT, energy_left
@@ -116,7 +117,7 @@ def remedies_table(
     given : mapping
         Values of "tc", "merge_below" and "elastic_below", or None for their defaults.
     """
-    measure, soft = check.callback("observable", observable, "run") or energy_left, report.soft
+    measure, soft = callback("observable", observable, "run") or energy_left, report.soft
     duration = float(measures.durations(report.hard, report.law).min(initial=math.inf))
     slow = SLOW_SPEED_FACTOR * measures.fastest_approach(report.hard)
     tc, merge, elastic = (

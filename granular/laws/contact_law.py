@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from granular._engine.check import Array, function_of, is_user_defined, misuse, must, quoted
+from granular._engine.callables import function_of, is_user_defined
+from granular._engine.check import Array, misuse, must, quoted
 
 if TYPE_CHECKING:
     from granular.scene import Pair

@@ -29,7 +29,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, is_user_defined, per_pair
+from granular._engine.callables import is_user_defined
+from granular._engine.check import Array, per_pair
 from granular.laws.contact_law import PairLaw, finite, instance, no_number, refused, resolve
 from granular.scene.pair import Pairs
 from granular.scene.places import speed_scale

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
+from granular._engine.callables import function_of, is_user_defined
 from granular.scene import Pair, checked_pair
 
 Rule = Callable[[float, Pair], float]
@@ -300,8 +301,8 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
             e = each_rule if isinstance(each_rule, (int, float)) else 0.7
             fix = f"Use granular.ConstantRestitution({e})."
             raise TypeError(check.misuse("rule", each_rule, "a function of (speed, pair)", fix))
-        if check.is_user_defined(each_rule):
-            check.function_of("rule", each_rule, "speed", "pair")
+        if is_user_defined(each_rule):
+            function_of("rule", each_rule, "speed", "pair")
             continue
         for name, least in (("restitution", 1), ("laws", 2)):  # one law stands for all pairs
             if isinstance(per_pair_values := getattr(each_rule, name, None), tuple) and len(per_pair_values) >= least:
@@ -315,7 +316,7 @@ def elastic(rules: Sequence[Rule]) -> bool:
     It is False for a user-defined callable, because its values are not known.
     """
     for rule in different(rules):
-        if check.is_user_defined(rule):
+        if is_user_defined(rule):
             return False
         if hasattr(rule, "laws"):  # a `granular.binary.LawRestitution`, whose module is expensive to import
             from granular.laws.contact_law import dissipative_traits

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from granular._engine import check
+from granular._engine.callables import callback
 from granular._engine.progress import ProgressCallback, progress_callback
 from granular.run import until as stop
 from granular.run.contact_log import CONTACT, CONTACT_ROW, LogFile, Rows, contacts, in_order, yield_contacts
@@ -98,7 +99,7 @@ def checked_request(
         stream=stream,
         max_events=DEFAULT_MAX_EVENTS if given["max_events"] is None else check.integer(
             "max_events", given["max_events"]),
-        on_event=check.callback("on_event", given["on_event"], "row"),
+        on_event=callback("on_event", given["on_event"], "row"),
         progress_report=progress_callback(progress, given["on_progress"], end=end, start=start),
         max_steps=check.integer("max_steps", max_steps, at_least=1),
         singly=isinstance(given["until"], stop.LEVEL_TYPES) or given["on_event"] is yield_contacts,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
+from granular._engine.callables import function_of
 from granular.cases.scenes.falling import count_of, gaps_of, geometric_masses, mass_of, radius_of
 from granular.laws.kinds import resolved
 from granular.scene import Scene, in_order
@@ -193,7 +194,7 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     touch: their gap is 0.
     """
     if callable(law) and not hasattr(law, "force"):
-        check.function_of("law", law, "pair")
+        function_of("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
     from granular.laws.springs import static_overlap
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
+from granular._engine.callables import function_of
 from granular._engine.check import Array
 from granular.scene.walls.panels import Panels, _PanelMotion
 from granular.scene.walls.path import MAX_TERMS
@@ -73,7 +74,7 @@ class Motion:
         if not callable(self.function):
             raise TypeError(check.misuse("function", self.function, "a function m(t) in m of a time in s",
                                          "For a harmonic motion use granular.walls.Sine."))
-        check.function_of("function", self.function, "t")
+        function_of("function", self.function, "t")
         self.__dict__["accuracy"] = check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
 
     def __repr__(self) -> str:

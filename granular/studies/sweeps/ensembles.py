@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check, files
+from granular._engine.callables import function_of
 from granular._engine.check import Array
 from granular._engine.reports import (
     HARD_COLOUR,
@@ -304,7 +305,7 @@ def _check_distribution(plan: Plan, name: str, distribution: Any) -> None:
     if distribution is None and not (plan.subject.is_whole(name) or str(plan.subject.way(name)[-1]) == "seed"):
         raise ValueError(f"`vary[{name!r}]` must not be None, because {name} is not an integer seed. {fix}")
     if callable(distribution):
-        check.function_of(f"vary[{name!r}]", distribution, "generator")
+        function_of(f"vary[{name!r}]", distribution, "generator")
     elif distribution is not None:
         _, spread = check.array(f"vary[{name!r}]", distribution, (2,), fix=fix, finite="a finite number").tolist()
         check.number(f"the standard deviation of {name}", spread, at_least=0.0)
@@ -322,7 +323,7 @@ def _requested(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
                          f"{', '.join(requested) or 'none'}.")
     results_by_name = {name.partition("[")[0]: entry for name, entry in requested.items()}
     for name, entry in results_by_name.items():
-        check.function_of(f"the result {name}", entry, "run") if callable(entry) else (
+        function_of(f"the result {name}", entry, "run") if callable(entry) else (
             check.choice("results", name, COMMON_RESULTS))
     return requested, results_by_name
 

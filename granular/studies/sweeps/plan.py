@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine import check, files
+from granular._engine.callables import function_of
 from granular._engine.describe import scene_to_json, to_json, with_current_words
 from granular._engine.kernels import have_numba
 from granular.cases import ready
@@ -158,7 +159,7 @@ def make_plan(
     """
     for result in asked:
         if callable(result):
-            check.function_of("results", result, "case")
+            function_of("results", result, "case")
         else:
             check.choice("results", result, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
