@@ -16,6 +16,7 @@ from granular._engine.check import EDITED_STATE
 from granular._engine.kernels import fitted, is_worthwhile
 from granular._engine.records import SMALL_RECORD_COUNT, column, record_array
 from granular.edmd import hanging, wall_state
+from granular.edmd.checkpoint import checkpoint
 from granular.edmd.ending import counters, end_message
 from granular.edmd.motion import LATEST_TIME
 from granular.edmd.physics import GROUP, TIE_ORDERS, Physics, scales
@@ -412,7 +413,7 @@ class Run:
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             more = more | self.watch.checkpoint(self.state, self.queue)
-        state = partial(self.state.checkpoint, numbers, more)
+        state = partial(checkpoint, self.state, numbers, more)
         # arrays save memory
         return End(row, status, message, stats, state if self.scene.n <= SMALL_RECORD_COUNT else state())
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from granular._engine import check
 from granular._engine.kernels import missing_compiler_reason
 from granular._engine.package import CROSS_ROOM_LOADERS
+from granular.edmd.checkpoint import restored_state
 from granular.edmd.physics import GROUP, RUN_OPTIONS, TIE_ORDERS, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -318,7 +319,7 @@ def resume(
     check_scene(scene)
     physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in RUN_OPTIONS})
     check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
-    state = State.restored(physics, saved)
+    state = restored_state(physics, saved)
     request = checked_request(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress, progress=progress,
@@ -328,7 +329,7 @@ def resume(
     # `solve` is called twice if the sample times depend on the run; the first call uses up the restored state
     def solve(timed_request: Request) -> Trajectory:
         watcher = None if watch is None else _watch(watch, scene, saved)
-        initial_state = states.pop() if states else State.restored(physics, saved)
+        initial_state = states.pop() if states else restored_state(physics, saved)
         run = Run(physics, initial_state, queue, timed_request, watcher)
         if "collapse_time" in saved:
             run.rest(check.saved_array(saved, "collapse_pair", "i", (), 0, scene.n_pairs - 1),
