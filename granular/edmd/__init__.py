@@ -3,8 +3,8 @@
 `simulate` runs a scene, `resume` continues a run, and `events` yields the collisions of a run.
 
 Start with: `motion`, `collision`, `sorted_queue`, `run`.
-Support modules: `checkpoint`, `clusters`, `collapse`, `compiled_queue`, `driven`, `ending`, `hanging`, `levels`,
-`physics`, `proof`, `records`, `simulation`, `state`, `ties`, `wall_state`, `watch`, `zoom`.
+Support modules: `checkpoint`, `clusters`, `collapse`, `compiled_queue`, `driven`, `ending`, `epoch`, `hanging`,
+`levels`, `physics`, `proof`, `records`, `simulation`, `state`, `ties`, `wall_state`, `watch`, `zoom`.
 The module `motion` defines the terms that the docstrings of this package use.
 """
 

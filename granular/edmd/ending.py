@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from granular._engine.records import column
-from granular.edmd.motion import LATEST_TIME
+from granular.edmd.epoch import LATEST_TIME
 from granular.run.trajectory import Status
 from granular.run.until import raised
 

@@ -222,7 +222,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
     The units are m/s, m/s, m and m/s². The fall speed is the speed after a fall through the mean gap, or a larger speed
     of a driven or thermal wall. The speed scale is the maximum of the fall speed and of the relative velocities of all
     pairs. The largest acceleration is the acceleration of a ball in the frame of a run. For pendula the values are
-    chosen such that `motion.window_length` returns the window that `WINDOW_TURNS` and `GAP_SHARE` describe.
+    chosen such that `epoch.window_length` returns the window that `WINDOW_TURNS` and `GAP_SHARE` describe.
     """
     speed = float(np.abs(scene.across(scene.velocity)).max())
     if scene.pendulum > 0.0:

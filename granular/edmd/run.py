@@ -18,7 +18,7 @@ from granular._engine.records import SMALL_RECORD_COUNT, column, record_array
 from granular.edmd import hanging, wall_state
 from granular.edmd.checkpoint import checkpoint
 from granular.edmd.ending import counters, end_message
-from granular.edmd.motion import LATEST_TIME
+from granular.edmd.epoch import LATEST_TIME
 from granular.edmd.physics import GROUP, TIE_ORDERS, Physics, scales
 from granular.edmd.records import APART, BUDGET, EACH, LATER, LOG_ROW, NEVER, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue

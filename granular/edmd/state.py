@@ -16,7 +16,7 @@ import numpy as np
 from granular._engine.check import Array
 from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, copied, one, plain_class, selected
 from granular.edmd import hanging, wall_state
-from granular.edmd.motion import rebase, window_length
+from granular.edmd.epoch import rebase, window_length
 from granular.edmd.physics import TIE_ORDERS, Physics, frame_gravity, frame_velocity, mass_fractions, scales
 from granular.edmd.records import (
     CLOCK_FIELDS,

@@ -20,7 +20,8 @@ from granular._engine.check import Array
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records, column, plain
 from granular.edmd.driven import gap_at_wall, update_wall_velocities, wall_displacement
-from granular.edmd.motion import COLLISION_NOISE, add_compensated, impulse, rebase, window_length
+from granular.edmd.epoch import rebase, window_length
+from granular.edmd.motion import COLLISION_NOISE, add_compensated, impulse
 from granular.edmd.physics import frame_velocity
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, WALL_FIELDS, Walls
 from granular.scene import Scene
