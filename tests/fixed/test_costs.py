@@ -12,6 +12,7 @@ from granular.laws.kinds import checked
 from granular.md.fixed import run as fixed
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.stepper import Stepper
+from granular.md.fixed.window import DEEPEST, SHARED
 
 pytestmark = pytest.mark.core
 verlet = partial(gr.md.simulate, method="verlet", dt=1e-4, engine="plain")
@@ -57,8 +58,8 @@ def test_a_run_without_log_writes_no_row_of_a_log(method):
             getattr(window, name)[:] = [math.pi] * len(window.v)
         stepper.march(0, 10, 1 << 60)
         untouched[logged] = {name for name in of_log if set(getattr(window, name)[1:-1]) <= {0.0, math.pi}}
-        assert (stepper.pairs(fixed.DEEPEST) > 0.0).all()
-        assert (stepper.pairs(fixed.SHARED) > 0.0).all()
+        assert (stepper.pairs(DEEPEST) > 0.0).all()
+        assert (stepper.pairs(SHARED) > 0.0).all()
     # Verlet keeps velocities of a step ago only where a contact begins or ends
     assert untouched == {False: set(of_log), True: {"was_v"} if method == "verlet" else set()}
 

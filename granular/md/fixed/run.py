@@ -1,7 +1,7 @@
 """Run with a fixed time step: steps during contacts, free flight between them.
 
-While no pair overlaps, the balls move in closed form by a whole number of steps (a flight). At its end, the run checks
-whether the time step was short enough.
+While no pair overlaps, the balls move in closed form by a whole number of steps (a flight). At its end,
+`granular.md.fixed.ending` checks whether the time step was short enough.
 """
 
 from __future__ import annotations
@@ -15,22 +15,19 @@ import numpy as np
 
 from granular._engine.kernels import CompilationCost, have_numba
 from granular._engine.records import record_array
-from granular.laws.kinds import SceneLaws, number_distinct_rows
+from granular.laws.kinds import SceneLaws
 from granular.md.fixed.contact_force import CompiledForce, NotCompilableError, reevaluate_laws
+from granular.md.fixed.ending import status_and_message
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
 from granular.md.fixed.stepper import Stepper
-from granular.md.fixed.walls import MAX_HITS_PER_STEP
-from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, ENERGIES, PART, RAW, ROW_NAMES, SHARED, XI, V, copy_state
-from granular.md.time_step import DOUBTFUL_DT_LAMBDA, expected_rate, highest_rate_bound
+from granular.md.fixed.window import COUNT, ENERGIES, PART, RAW, ROW_NAMES, SHARED, XI, V, copy_state
 from granular.run import until as stop
 from granular.run.contact_log import CONTACT_ROW, SOFT_FIELDS, Rows
 from granular.run.drive import End, Pause, Request, Row, next_portion
 from granular.run.levels import first_crossing, observable_value
-from granular.run.trajectory import Status
-from granular.run.until import raised
-from granular.scene import Scene, positions
+from granular.scene import Scene
 from granular.scene.places import WallMeeting
 
 FIRST_CHUNK_PAIR_STEPS = 1 << 13
@@ -350,7 +347,7 @@ class Run:
         row = self._row_at_onset() if self.is_stopped_at_onset else self.row(end_time)
         if isinstance(self.stepper.physics.laws, CompiledForce):
             reevaluate_laws(self.stepper.laws, self.stepper.physics.laws)
-        status, message, dt_lambda = self._status_and_message(pause.value, row.time)
+        status, message, dt_lambda = status_and_message(self, pause.value, row.time)
         stats = {
             "method": self.integrator.name,
             "dt": self.dt,
@@ -376,72 +373,3 @@ class Run:
             return self._row_from_state(self.start + (self.k + part) * self.dt, state, state)
         ends = zip(*((np.asarray(x[XI]), np.fmax(0.0, x[RAW]), np.asarray(x[V])) for x in (old, new)), strict=True)
         return self._row_from_state(self.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends], old)
-
-    # -- check of the time step -----------------------------------------------------------------------------------
-
-    @np.errstate(all="ignore")
-    def _status_and_message(self, status: Status, end: float) -> tuple[Status, str, float]:
-        """Return status, message and dt·λ of a run that ended at `end` in s with `status`.
-
-        λ is the highest rate of the contacts that took place, see `granular.md.time_step`. The status becomes
-        ``unstable`` if dt·λ exceeds the stability limit of the integrator, or if the final kinetic energy exceeds 1.5
-        times the available energy. For a smaller dt·λ above `DOUBTFUL_DT_LAMBDA`, `step_warning` is set.
-        """
-        scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
-        dt_lambda = dt * highest_rate_bound(scene, laws, pairs(DEEPEST), pairs(BESIDE)) if pairs(DEEPEST).any() else 0.0
-        # contacts shorter than a step leave no overlap
-        if dt_lambda == 0.0 and self.steps and self._is_any_ball_deflected():
-            dt_lambda = dt * expected_rate(scene, laws)
-        gain = self._energy_gain() if self.steps else 0.0
-        limit = f"dt = {dt:.3g} s times the highest rate of the contacts is {dt_lambda:.3g}"
-        if self.has_too_many_hits:
-            return status, (f"dt = {dt:.3g} s is so long that a ball hits a thermal wall more than {MAX_HITS_PER_STEP} "
-                            "times per step; use a shorter step."), dt_lambda
-        # an energy gain of 50 % cannot be truncation error of a stable step
-        if dt_lambda > (stability_limit := self.integrator.limit) or status is Status.unstable or gain > 0.5:
-            growth = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond the range of numbers"
-            growth_note = f", and the energy grew {growth}" * (gain > 0.5)
-            is_rate_known = 0.0 < dt_lambda < math.inf  # otherwise the force jumps or is constant at its last overlap
-            advice = f"use dt ≤ {DOUBTFUL_DT_LAMBDA * dt / dt_lambda:.2g} s" if dt_lambda > DOUBTFUL_DT_LAMBDA else (
-                "the force of a law jumps or is not finite")
-            return Status.unstable, (
-                f"{limit}, the stability limit is {stability_limit:g}{growth_note}; {advice}." if is_rate_known else
-                f"dt = {dt:.3g} s is too long for a force that jumps{growth_note}; use a shorter step."), dt_lambda
-        if dt_lambda > DOUBTFUL_DT_LAMBDA:
-            self.step_warning = (f"{limit}; above {DOUBTFUL_DT_LAMBDA} errors are visible, so use "
-                          f"dt ≤ {DOUBTFUL_DT_LAMBDA * dt / dt_lambda:.2g} s.")
-        if status is Status.max_events:
-            option = "max_steps" if self.steps >= self.request.max_steps else "max_events"
-            work = f"{self.contacts} contacts, {self.steps} steps"
-            return status, f"{status.value} (t = {end:.6g} s, {work}); {raised(option, self.request.end)}.", dt_lambda
-        return status, f"{status.value} at t = {end:.6g} s.", dt_lambda
-
-    def _is_any_ball_deflected(self) -> bool:
-        """Return whether any velocity differs from the motion without contacts.
-
-        The result is always False in a scene with thermal walls.
-        """
-        scene, balls = self.scene, ~self.scene.is_wall
-        if scene.heated:
-            return False
-        free, v = scene.free_velocity(self.k * self.dt)[balls], self.stepper.balls()[balls]
-        return not bool((np.abs(v - free) <= 1e-9 * float(np.abs(free).max())).all())
-
-    def _energy_gain(self) -> float:
-        """Return the relative excess of final kinetic energy over available energy.
-
-        The available energy is the initial kinetic and elastic energy plus the work of gravity and external forces. For
-        pendula it includes their initial potential energy. The result is 0 if walls supply energy.
-        """
-        scene, balls = self.scene, ~self.scene.is_wall
-        if scene.fed:
-            return 0.0
-        m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
-        x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
-        (kind, each), begun = self.stepper.laws.in_pairs, np.flatnonzero(scene.gap < 0.0)
-        number, first = number_distinct_rows(kind[begun], scene.gap[begun]) if len(begun) else (begun, begun)
-        stored = np.array([each[kind[c]].energy(-float(scene.gap[c])) for c in begun[first].tolist()])[number].tolist()
-        fallen = max(0.0, (m * scene.fall[balls]) @ (x - scene.position[balls])) if scene.pendulum == 0.0 else (
-            0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2))
-        supply = 0.5 * m @ v0**2 + sum(stored) + fallen
-        return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0
