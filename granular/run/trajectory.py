@@ -482,9 +482,9 @@ class Trajectory(LazyContacts):
         No code in the file is executed: laws, rules and walls are created from a closed list of types and from stored
         numbers. Control characters are removed from the message, and it is truncated to 500 characters.
         """
-        from granular.run import saved_run
+        from granular.run import loaded_run
 
-        read = saved_run.read(path, law, rule, Status.__members__, CONTACT)
+        read = loaded_run.read(path, law, rule, Status.__members__, CONTACT)
         return cls(**read | {"status": Status[read["status"]]})
 
     def _repr_html_(self) -> str:

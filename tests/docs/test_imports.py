@@ -7,8 +7,8 @@ from importlib.util import find_spec
 import pytest
 
 IDLE = (
-    "granular.run.saved_run", "granular._engine.describe", "granular.run.figures", "granular._engine.files",
-    "granular.run.films",
+    "granular.run.saved_run", "granular.run.loaded_run", "granular._engine.describe", "granular.run.figures",
+    "granular._engine.files", "granular.run.films",
     "granular.cases.case", "granular.cases.ready", "granular.comparison.view", "granular.comparison.figure",
     "granular.comparison.film", "granular.comparison.view", "granular.studies.frontiers", "granular.app.page",
     "granular.studies.reference", "granular.studies.sweeps", "granular.studies.thresholds", "granular.md.waves",

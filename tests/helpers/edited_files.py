@@ -29,7 +29,7 @@ def stored(path):
 def packed(words, arrays, signed):
     """The bytes of a file, with the digest that belongs to it if it is to be `signed`."""
     if signed and isinstance(words, dict) and words.get("format") == 3:
-        words = words | {"digest": saved_run._digest(words, arrays)}
+        words = words | {"digest": saved_run.digest_of(words, arrays)}
     out = io.BytesIO()
     np.savez_compressed(out, words=np.array(json.dumps(words)), **arrays)
     return out.getvalue()
