@@ -32,7 +32,8 @@ TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "compariso
 PATIENCE = {
     "granular.md.located.run": {"LOCATED_COMPILE_SECONDS": math.inf},
     "granular.md.located.pace": {"TEST_COMPILE_SECONDS": math.inf},
-    "granular.md.fixed.run": {"COMPILING_SECONDS": math.inf}, "granular.edmd.run": {"COMPILING_WORK": math.inf},
+    "granular.md.fixed.run": {"COMPILING_SECONDS": math.inf},
+    "granular.edmd.queue_choice": {"COMPILING_WORK": math.inf},
     "granular.studies.sweeps.schedule": {"COMPILING_SECONDS": math.inf},
 }
 """How long "auto" waits before it makes machine code, by modules and the names of their limits."""

@@ -4,7 +4,7 @@
 
 Start with: `motion`, `collision`, `sorted_queue`, `run`.
 Support modules: `checkpoint`, `clusters`, `collapse`, `compiled_queue`, `driven`, `ending`, `epoch`, `hanging`,
-`levels`, `physics`, `proof`, `records`, `simulation`, `state`, `ties`, `wall_state`, `watch`, `zoom`.
+`levels`, `physics`, `proof`, `queue_choice`, `records`, `simulation`, `state`, `ties`, `wall_state`, `watch`, `zoom`.
 The module `motion` defines the terms that the docstrings of this package use.
 """
 

@@ -1,12 +1,16 @@
-"""Message and counters of a finished hard-sphere run."""
+"""End of a hard-sphere run: last sample, message, counters and saved state."""
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
-from granular._engine.records import column
+from granular._engine.records import SMALL_RECORD_COUNT, column
+from granular.edmd import hanging
+from granular.edmd.checkpoint import checkpoint
 from granular.edmd.epoch import LATEST_TIME
+from granular.run.drive import End, Pause
 from granular.run.trajectory import Status
 from granular.run.until import raised
 
@@ -17,6 +21,31 @@ VERDICT_REASONS = {
     "bounded": "unless hit from outside, none of their balls will be faster than {bound:.2g} m/s",
 }
 """Parts of the message that explain a collapse, by the kind of its `Verdict`."""
+
+
+def end_of_run(run: Any, pause: Pause, seen: float) -> End:
+    """Finish the run and return its `End`, with all data needed to continue it.
+
+    `pause` is the reason why the run ends. `seen` is the time in s of the last sample, or -inf if the state at the
+    end has to be returned in any case.
+    """
+    now, status = run.time(), Status.collapse if run.at_rest else pause.value
+    stop = run.request.end if pause is Pause.reached else now
+    wanted = seen == -math.inf or (pause is not Pause.reached and (
+        stop > seen or (seen == run.request.start and run.events > 0)))  # at the start: the initial state
+    row, numbers = run.row(stop) if wanted else None, run.state.numbers()
+    if run.scene.pendulum > 0.0 and not run.keeps_rows:
+        hanging.set_swing(run.state, run.scene, run.row(now))
+    when = now if math.isnan(run.ended) else run.ended
+    message, stats, more = end_message(run, status, numbers, when), counters(run, numbers), run.physics.options
+    if run.at_rest and run.verdict is not None:
+        more = more | {"collapse_time": run.ended, "collapse_pair": run.verdict.first}
+    if run.watch is not None:
+        message, stats = message + run.watch.message(), stats | run.watch.stats()
+        more = more | run.watch.checkpoint(run.state, run.queue)
+    state = partial(checkpoint, run.state, numbers, more)
+    # arrays save memory
+    return End(row, status, message, stats, state if run.scene.n <= SMALL_RECORD_COUNT else state())
 
 
 def end_message(run: Any, status: Status, run_numbers: dict[str, Any], now: float) -> str:

@@ -6,26 +6,23 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular._engine.check import EDITED_STATE
-from granular._engine.kernels import fitted, is_worthwhile
-from granular._engine.records import SMALL_RECORD_COUNT, column, record_array
-from granular.edmd import hanging, wall_state
-from granular.edmd.checkpoint import checkpoint
-from granular.edmd.ending import counters, end_message
+from granular._engine.records import record_array
+from granular.edmd import wall_state
+from granular.edmd.ending import end_of_run
 from granular.edmd.epoch import LATEST_TIME
 from granular.edmd.physics import GROUP, TIE_ORDERS, Physics, scales
+from granular.edmd.queue_choice import compilation_pays, compiled_queue_class, expected_work, work_before_start
 from granular.edmd.records import APART, BUDGET, EACH, LATER, LOG_ROW, NEVER, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.run.contact_log import Rows
 from granular.run.drive import End, Pause, Request, Row, next_portion
-from granular.run.trajectory import Status
 from granular.run.until import Contact, Force, Separated
 from granular.scene import velocities
 from granular.scene.places import WallMeeting
@@ -43,15 +40,6 @@ REPORT_EVENTS = 4096
 """Number of events after which log rows and the progress are reported."""
 FIRST_CHUNK_EVENTS = 8
 """Number of events per call of the event loop before its speed has been measured."""
-LOADING_WORK, COMPILING_WORK = 100_000, 500_000
-"""Work (in collisions) above which compiled code saves time.
-
-`LOADING_WORK` applies if the machine code is in the cache, `COMPILING_WORK` if it has to be compiled.
-"""
-EXPECTED_PER_PAIR = 25
-"""Number of collisions per pair that is assumed before the run."""
-EXTRAPOLATION_WORK = 2048
-"""Work done (in collisions) above which the remaining work is extrapolated."""
 
 
 class Run:
@@ -89,13 +77,11 @@ class Run:
         state.run.stop_pair, state.run.stop_contacts = pair, contacts
         self.events = int(state.run.events)
         state.clock.last_event = self.events + request.max_events
-        self.work_at_start = request.start, self._work_done()
+        self.counts_at_start = request.start, self.events, int(state.run.zoomed)
         self.may_compile = engine == "auto"
-        n = len(self.scene.gap)  # setting up a ball costs as much as a collision, a sample of it 1/16
-        sample_work = 0 if request.samples is None else n * np.size(request.samples) // 16
-        work = n + min(EXPECTED_PER_PAIR * n, request.max_events) + sample_work
-        is_compiled = engine == "compiled" or (self.may_compile and compilation_pays(work, physics.has))
-        self._replace_queue(self._compiled_queue() if is_compiled else SortedQueue)
+        is_compiled = engine == "compiled" or (
+            self.may_compile and compilation_pays(work_before_start(request, len(self.scene.gap)), physics.has))
+        self._replace_queue(compiled_queue_class(state, self.scene) if is_compiled else SortedQueue)
         self.event_limit = 1 if request.singly else request.max_events
         self.last_part_start = state.clock.last_event - request.max_events // TAIL_DIVISOR
         self.pace = [(self.events, request.start)]  # at the start and where the last part begins
@@ -115,13 +101,6 @@ class Run:
         # the kernels then move the epoch themselves
         self.kernels_move_epoch = self.scene.driven and can_move_epoch and watch is None
 
-    def _compiled_queue(self) -> type[SortedQueue]:
-        from granular.edmd import compiled_queue
-
-        self.may_compile = False
-        in_blocks = self.scene.n > compiled_queue.BLOCKS_ABOVE and self.state.walls is None and not self.scene.endless
-        return compiled_queue.BlockQueue if in_blocks else compiled_queue.TreeQueue
-
     def _replace_queue(self, queue: type[SortedQueue]) -> None:
         """Replace the event queue by a queue of the class `queue`.
 
@@ -136,6 +115,8 @@ class Run:
             self.queue.state = state
         if queue is SortedQueue:
             self.queue.chunk = FIRST_CHUNK_EVENTS  # a user's rule can be slow
+        else:
+            self.may_compile = False
 
     def to(self, time: float, last: bool) -> Pause:
         """Advance the run towards the time `time` (s), and return the reason of the pause.
@@ -216,7 +197,7 @@ class Run:
         It continues if the collapse is *exact*, if all balls then rest on a wall, and if the end time is finite.
         """
         self.ended = self.time()
-        self.at_rest = verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
+        self.at_rest = verdict.kind == "exact" and self.request.end < math.inf and self.state.is_still()
         return self.at_rest
 
     def _handle_suspicion(self) -> None:
@@ -244,12 +225,8 @@ class Run:
         """
         self.verdict = self._collapse_module.Verdict("exact", int(pair), int(pair), 0.0)
         self.ended, self.at_rest = float(time), True
-        if not self._is_still():
+        if not self.state.is_still():
             raise ValueError(f"The state of `trajectory` has a collapse_time although balls move. {EDITED_STATE}")
-
-    def _is_still(self) -> bool:
-        """Return whether all balls are at rest on a wall."""
-        return not (column(self.state.bodies, "is_free").any() or np.ptp(column(self.state.bodies, "fall_velocity")))
 
     def _undriven_halving_time(self) -> float:
         """Return the time in s at which closing undriven walls have halved the room again.
@@ -302,8 +279,8 @@ class Run:
         Returns the reason of the pause.
         """
         state = self.state
-        if self.may_compile and compilation_pays(self._expected_work(), self.physics.has):
-            self._replace_queue(self._compiled_queue())
+        if self.may_compile and compilation_pays(expected_work(self), self.physics.has):
+            self._replace_queue(compiled_queue_class(state, self.scene))
         # pause where the last part of the allowed events begins, so that its pace can be compared with the pace before
         goal = self.last_part_start if self.events < self.last_part_start else state.clock.last_event
         budget, begun, before = min(self.queue.chunk, self.event_limit, goal - self.events), process_time(), self.events
@@ -322,23 +299,6 @@ class Run:
         if len(self.pace) == 1 and self.events >= self.last_part_start:
             self.pace.append((self.events, self.time()))
         return reason
-
-    def _expected_work(self) -> float:
-        """Return the expected remaining work in collisions, at least the work done so far.
-
-        It is extrapolated from the pace of the run, and limited by `max_events`.
-        """
-        begin, worked = self.work_at_start
-        done, took, left = self._work_done() - worked, self.time() - begin, self.request.end - self.time()
-        ahead = done / took * left if done >= EXTRAPOLATION_WORK and took > 0.0 and left < math.inf else 0.0
-        return max(done, min(ahead, float(self.state.clock.last_event - self.events)))
-
-    def _work_done(self) -> int:
-        """Return the work done so far, in collisions.
-
-        A collision in relative coordinates takes the time of eight other collisions.
-        """
-        return int(self.state.run["events"] + 7 * self.state.run["zoomed"])
 
     def _convert_rows(self, written: list[Any]) -> None:
         """Convert new log rows to times in s and to velocities in the frame of the scene.
@@ -394,37 +354,5 @@ class Run:
         return Row(time, elapsed, gap, velocity - fallen if fallen != 0.0 else velocity, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Finish the run and return its `End`, with all data needed to continue it.
-
-        `pause` is the reason why the run ends. `seen` is the time in s of the last sample, or -inf if the state at the
-        end has to be returned in any case.
-        """
-        now, status = self.time(), Status.collapse if self.at_rest else pause.value
-        stop = self.request.end if pause is Pause.reached else now
-        wanted = seen == -math.inf or (pause is not Pause.reached and (
-            stop > seen or (seen == self.request.start and self.events > 0)))  # at the start: the initial state
-        row, numbers = self.row(stop) if wanted else None, self.state.numbers()
-        if self.scene.pendulum > 0.0 and not self.keeps_rows:
-            hanging.set_swing(self.state, self.scene, self.row(now))
-        when = now if math.isnan(self.ended) else self.ended
-        message, stats, more = end_message(self, status, numbers, when), counters(self, numbers), self.physics.options
-        if self.at_rest and self.verdict is not None:
-            more = more | {"collapse_time": self.ended, "collapse_pair": self.verdict.first}
-        if self.watch is not None:
-            message, stats = message + self.watch.message(), stats | self.watch.stats()
-            more = more | self.watch.checkpoint(self.state, self.queue)
-        state = partial(checkpoint, self.state, numbers, more)
-        # arrays save memory
-        return End(row, status, message, stats, state if self.scene.n <= SMALL_RECORD_COUNT else state())
-
-
-def compilation_pays(work: float, has: tuple[str, ...]) -> bool:
-    """Return whether compiled code saves time for an amount of work, in collisions.
-
-    `has` are the kernel flags of the scene. The compiler is imported only if `work` is at least `LOADING_WORK`.
-    """
-    if work < LOADING_WORK:
-        return False
-    from granular.edmd.compiled_queue import loop
-
-    return is_worthwhile(fitted(loop, **dict.fromkeys(has, True)), work, LOADING_WORK, COMPILING_WORK, inline=True)
+        """Finish the run and return its `End`, see `end_of_run`."""
+        return end_of_run(self, pause, seen)

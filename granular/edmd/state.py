@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine.check import Array
-from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, copied, one, plain_class, selected
+from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, column, copied, one, plain_class, selected
 from granular.edmd import hanging, wall_state
 from granular.edmd.epoch import rebase, window_length
 from granular.edmd.physics import TIE_ORDERS, Physics, frame_gravity, frame_velocity, mass_fractions, scales
@@ -239,6 +239,10 @@ class State:
         if self.walls is not None:
             wall_state.add_to_sample(self, tau, velocity, gap)
         return velocity, gap
+
+    def is_still(self) -> bool:
+        """Return whether all balls are at rest on a wall."""
+        return not (column(self.bodies, "is_free").any() or np.ptp(column(self.bodies, "fall_velocity")))
 
 
 @cached_in_scene

@@ -8,6 +8,7 @@ import pytest
 
 from granular import edmd
 from granular.edmd import compiled_queue as blocks, run as runs
+from granular.edmd.queue_choice import EXPECTED_PER_PAIR
 from granular.edmd.records import LOG_ROW
 from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
@@ -116,12 +117,12 @@ def test_a_closer_look_in_a_large_scene_keeps_a_log_of_bounded_size(monkeypatch)
 def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_enough(monkeypatch) -> None:
     """Unless no more are asked for."""
     asked = []
-    limit = 500 * runs.EXPECTED_PER_PAIR
+    limit = 500 * EXPECTED_PER_PAIR
     monkeypatch.setattr(runs, "compilation_pays", lambda work, has: asked.append(work) or work >= limit)
     for n, most, engine in ((100, 10**6, "sorted"), (600, 10**6, "compiled"), (600, 1, "sorted")):
         run = edmd.simulate(gas(n, n), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
         assert run.stats["engine"] == engine
-    assert asked[0] == 101 * (1 + runs.EXPECTED_PER_PAIR)
+    assert asked[0] == 101 * (1 + EXPECTED_PER_PAIR)
 
 
 def test_auto_goes_over_as_soon_as_the_pace_tells_that_it_pays(monkeypatch) -> None:

@@ -13,7 +13,7 @@ from hypothesis import given, settings, strategies as st
 import granular as gr
 from granular import edmd
 from granular._engine.kernels import fitted
-from granular.edmd import run as runs
+from granular.edmd import queue_choice
 from granular.edmd.compiled_queue import loop
 from granular.laws.rules import ConstantRestitution
 from granular.run.trajectory import Status
@@ -94,8 +94,8 @@ def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
 def test_auto_asks_for_the_machine_code_of_its_kind_of_scene(monkeypatch) -> None:
     """That of rings, pendula, moving and thermal walls is another one than that of plain scenes."""
     asked = []
-    monkeypatch.setattr(runs, "LOADING_WORK", 500)
-    monkeypatch.setattr(runs, "is_worthwhile", lambda function, *_, **__: asked.append(function) or False)
+    monkeypatch.setattr(queue_choice, "LOADING_WORK", 500)
+    monkeypatch.setattr(queue_choice, "is_worthwhile", lambda function, *_, **__: asked.append(function) or False)
     shaken = dataclasses.replace(gas(1, 20), floor=gr.walls.Sine(1e-3, 50.0))
     hung = gr.scenes.pendulum_cradle(20)
     for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0), hung, shaken, gas(1, 20)):

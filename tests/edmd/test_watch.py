@@ -11,7 +11,7 @@ import pytest
 import granular as gr
 from granular import measures
 from granular.app.cli import main
-from granular.edmd import compiled_queue as blocks, run
+from granular.edmd import compiled_queue as blocks, queue_choice, run
 from granular.edmd.watch import Watch
 from granular.md import isolation
 from tests.helpers.scenes_at_random import gas
@@ -176,8 +176,8 @@ def test_same_where_a_run_would_be_made_in_blocks_and_from_sorted_to_compiled(mo
     monkeypatch.setattr(blocks, "BLOCKS_ABOVE", 10)
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, engine="compiled", log=False)), once)
     monkeypatch.setattr(run, "compilation_pays", lambda work, has: work > 500)
-    monkeypatch.setattr(run, "EXTRAPOLATION_WORK", 600)
-    monkeypatch.setattr(run, "EXPECTED_PER_PAIR", 1)
+    monkeypatch.setattr(queue_choice, "EXTRAPOLATION_WORK", 600)
+    monkeypatch.setattr(queue_choice, "EXPECTED_PER_PAIR", 1)
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, max_events=3000)), once)
 
 
