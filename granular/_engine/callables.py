@@ -1,4 +1,4 @@
-"""Checks of functions: arguments of public functions, and functions and classes of users."""
+"""Checks of user-defined functions, and of the arguments of public functions."""
 
 from __future__ import annotations
 

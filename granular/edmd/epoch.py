@@ -1,4 +1,4 @@
-"""Epoch of a run: its move to a later time, and the length of the window between two moves.
+"""Epoch of a run: its move to a later time, and the length of the window.
 
 A move also limits the rounding errors that accumulate in velocities and gaps. For epoch, window, noise and the branches
 `if FORCED`, `if HUNG` and `if RING` see `granular.edmd.motion`.

@@ -26,7 +26,10 @@ EXPECTED_PER_PAIR = 25
 EXTRAPOLATION_WORK = 2048
 """Work done (in collisions) above which the remaining work is extrapolated."""
 RELATIVE_WORK = 7
-"""Additional work of a collision in relative coordinates. It takes the time of eight other collisions."""
+"""Additional work of a collision in relative coordinates.
+
+Such a collision takes the time of eight other collisions.
+"""
 
 
 def work_before_start(request: Request, n: int) -> float:

@@ -1,4 +1,4 @@
-"""Load the file of a run: check it, and convert it to the fields of a `Trajectory`.
+"""Load the file of a run, check it, and return the fields of a `Trajectory`.
 
 The types and sizes of all arrays are checked before memory is allocated.
 """
