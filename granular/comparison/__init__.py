@@ -2,7 +2,7 @@
 
 Start with: `run`, `answer`.
 Support modules: `against`, `align`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`, `outcome`,
-`remedies`, `report`, `view`.
+`reason_texts`, `remedies`, `report`, `view`.
 """
 
 from typing import TYPE_CHECKING

@@ -18,7 +18,7 @@ yes               the error is at most `ERROR_LIMIT`, and all other balls are at
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -32,6 +32,7 @@ from granular.comparison import align, measures, outcome
 from granular.comparison.measures import static_overlaps
 from granular.comparison.numbers import ComparedRuns, smaller_radius
 from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, counted, differences
+from granular.comparison.reason_texts import departure_text, endless_collisions_text, miscount_text
 from granular.md import isolation
 from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 
@@ -272,7 +273,7 @@ def _reasons_for_early_stops(report: Checked) -> Iterator[Reason]:
     if (
         soft.status not in EARLY_STATUSES
         and hard.status in EARLY_STATUSES
-        and (forever := _endless_collisions_text(report, range(report.scene.n_pairs)))
+        and (forever := endless_collisions_text(report, range(report.scene.n_pairs)))
     ):
         yield Reason(Answer.no, forever)
     for name, run in (("soft-sphere", soft), ("event-driven", hard)):
@@ -290,7 +291,7 @@ def _component_reason(report: Checked, j: int) -> Reason:
     def reason(answer: Answer, words: str, about: tuple[int, ...] = pairs) -> Reason:
         return Reason(answer, words, balls, about, error, unit)
 
-    if forever := _endless_collisions_text(report, pairs):
+    if forever := endless_collisions_text(report, pairs):
         return reason(Answer.no, forever)
     sinking = _sinking(report, pairs)
     if sinking and report.lying[j]:
@@ -316,11 +317,11 @@ def _component_reason(report: Checked, j: int) -> Reason:
                       f": a soft contact of pair {report.scene.pairs.name(unfinished[0])} had not ended when its run "
                       "stopped, and cannot be continued; choose a later end or method='located'", tuple(unfinished))
     if miscounted:
-        return reason(Answer.no, f": {_miscount_text(report, miscounted, len(pairs))}", miscounted)
+        return reason(Answer.no, f": {miscount_text(report, miscounted, len(pairs))}", miscounted)
     if not error <= ERROR_LIMIT:
         no_overlap = "" if overlap else ", though no contacts overlap in time"
         driven = "; at a driven wall, timing affects the outcome" if report.scene.driven and not overlap else ""
-        leaves = _departure_text(report, j)
+        leaves = departure_text(report, j)
         differ = f"{leaves}, an error of" if leaves else "outcomes differ by"
         return reason(Answer.no, f": {differ} {percent(error)} of the fastest impact{no_overlap}{driven}")
     if not sinking and (failed_check := report.unchecked(j)):
@@ -385,58 +386,6 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
         return Answer.no, f": {subject} sink by {percent(depth_ratio)} of a radius under {load}"
     deepest = f"soft spheres overlap by {depth.max():.3g} m under {load}"
     return (Answer.yes, f", trivially: nothing collides; {deepest}") if lying else None
-
-
-def _endless_collisions_text(report: Checked, pairs: Sequence[int]) -> str:
-    """Reason for hard spheres that collide forever where soft ones separate, if any.
-
-    Otherwise the result is an empty string.
-    """
-    hard = report.hard
-    if "verdict" not in hard.stats:
-        return ""
-    first, last = hard.stats["pairs"]
-    group = [c for c in pairs if (first <= c <= last if first <= last else c >= first or c <= last)]
-    soft = report.continued[1]
-    if not any(soft.count(c) and not math.isnan(float(soft.of(c)["t_end"][-1])) for c in group):
-        return ""
-    n = sum(map(report.soft.count, group))
-    return (f": hard spheres {'possibly ' * (hard.status is Status.bounded)}collide forever ({hard.stats['verdict']}), "
-            f"soft spheres separate after {n} contact{'s' * (n != 1)}")
-
-
-def _miscount_text(report: Checked, miscounted: tuple[int, ...], pair_count: int) -> str:
-    """Reason for pairs with different numbers of contacts in the two runs.
-
-    Parameters
-    ----------
-    miscounted : tuple of int
-        Pairs with different numbers of contacts.
-    pair_count : int
-        Number of pairs in the component.
-    """
-    worst = max(
-        (report.pairs[c] for c in reversed(miscounted)), key=lambda p: abs(p.soft_contacts - p.hard_contacts))
-    counted = f"{worst.soft_contacts} contact{'s' * (worst.soft_contacts != 1)}, not {worst.hard_contacts}"
-    text = f"pair {report.scene.pairs.name(worst.pair)} has {counted}"
-    prefix = f"{len(miscounted)} of {pair_count} pairs differ in contacts; " if len(miscounted) > 1 else ""
-    j = int(report.components.of_pair[worst.pair])
-    error = f"outcomes differ by {percent(float(report.errors[j]))} of the fastest impact"
-    return f"{prefix}{text}, and {_departure_text(report, j) or error}"
-
-
-def _departure_text(report: Checked, j: int) -> str:
-    """Sentence part "ball … leaves at … instead of … m/s" for component `j`.
-
-    It names the ball whose departure velocity differs most between soft and hard spheres. It is empty if the difference
-    is at most `ERROR_LIMIT` (in units of U), or if the error of the component comes from a pair at rest.
-    """
-    departure = report.departure(j)
-    if departure is None or not departure.difference > ERROR_LIMIT:
-        return ""
-    digits = 3 + 3 * (f"{departure.soft_velocity:.3g}" == f"{departure.hard_velocity:.3g}")
-    return (f"ball {departure.ball} leaves at {departure.soft_velocity:.{digits}g} instead of "
-            f"{departure.hard_velocity:.{digits}g} m/s")
 
 
 def _has_overlap(report: Checked, pairs: tuple[int, ...]) -> bool:
