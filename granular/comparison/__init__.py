@@ -1,8 +1,8 @@
 """Run one scene as hard and as soft spheres, and decide whether they agree.
 
 Start with: `run`, `answer`.
-Support modules: `against`, `align`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`, `outcome`,
-`reason_texts`, `remedies`, `report`, `view`.
+Support modules: `against`, `align`, `episodes`, `figure`, `film`, `further`, `input_warnings`, `measures`,
+`numbers`, `outcome`, `reason_texts`, `remedies`, `report`, `view`.
 """
 
 from typing import TYPE_CHECKING

@@ -21,11 +21,10 @@ from granular._engine.reports import (
     unit_of,
 )
 from granular.comparison import measures
-from granular.comparison.numbers import smaller_radius
+from granular.comparison.input_warnings import SAME_RESTITUTION, warnings
 from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, PairOutcome, counts
-from granular.laws.kinds import resolved
 from granular.md import isolation
-from granular.run.trajectory import Status, Trajectory
+from granular.run.trajectory import Trajectory
 from granular.run.until import Contact
 
 if TYPE_CHECKING:
@@ -33,19 +32,6 @@ if TYPE_CHECKING:
 
 SHORT_PAIR_COUNT, FULL_PAIR_COUNT = 2, 8
 """Number of pairs in the short report, and of pairs or laws in the full report."""
-SAME_RESTITUTION = 1e-9
-"""Difference of ε below which two values are equal."""
-OVERLAP_FRACTIONS = 0.5 ** np.concatenate([np.arange(16), [24, 32, 40, 48]])
-"""Fractions of the largest overlap at which force laws are tested for attraction.
-
-The smallest fractions find weak adhesion.
-"""
-MIN_DENSITY, MAX_DENSITY, MAX_WAVE_SPEED = 0.15, 23_000.0, 20_000.0
-"""Limits of solids: density in kg/m³, and speed of sound in m/s.
-
-Aerographene has 0.16 and osmium 22 590 kg/m³, and diamond 18 000 m/s. The speed of sound has no lower limit:
-soft balls have deep overlaps, which are reported.
-"""
 MEASURE_FORMATS = {
     "error": f"error = {{error:.3g}} of the fastest impact{{unit}} (hard spheres are valid up to {ERROR_LIMIT:g})",
     "shared_impulse": "share of the impulse during a neighbouring contact  φ = {shared_impulse:.4g}",
@@ -106,106 +92,6 @@ def details(report: ComparisonWithAnswer) -> str:
         "groups: " + ", ".join(_format_known(GROUP_FORMATS, report.groups)),
         *(f"warning: {w}" for w in warnings(report)),
     ])
-
-
-def warnings(report: ComparisonWithAnswer) -> list[str]:
-    """Return warnings about the input, one sentence each.
-
-    The warnings concern attractive force laws, different ε of law and rule, merged balls, properties that no solid has,
-    and deep overlaps. The first warning is part of the short report. Attraction is first, because both models omit it.
-    """
-    return [*_attraction_warnings(report), *_restitution_warnings(report), *_remedy_warnings(report),
-            *_solid_warnings(report), *_overlap_and_speed_warnings(report)]
-
-
-def _restitution_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
-    """Warn if hard spheres have another ε than their force law.
-
-    Only the first such pair is named.
-    """
-    hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
-    differing = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
-    for c in differing[:1]:
-        pair = report.scene.pairs.name(int(c))
-        yield (f"hard spheres of pair {pair}{_further_count(differing)} collide with ε = {hard[c]:.6g}, but their "
-               f"force law has {law[c]:.6g}")
-
-
-def _remedy_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
-    """Warn if hard spheres merge, use the TC model, or have an elastic cut-off."""
-    merged, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
-    if merged and below < math.inf:
-        yield f"{merged} hard collisions below {below:.3g} m/s were merged; the result depends on that speed"
-    yield from (f"hard spheres run with {name} = {value:.3g} {unit}; the result depends on it, see remedies()"
-                for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
-
-
-def _attraction_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
-    """Warn about force laws that are attractive at rest at an overlap that occurred.
-
-    Engines replace an attractive contact force by 0. Laws of the form F = k ξ^p + damping are not tested: they attract
-    only while balls separate.
-    """
-    log, (kind, each) = report.soft.contacts, resolved(report.law, report.scene).in_pairs
-    depth = np.zeros(len(kind))
-    np.fmax.at(depth, log["pair"], log["xi_max"])
-    for c, law in enumerate(each):
-        pair = int(np.argmax(np.where(kind == c, depth, -1.0)))
-        attractive = [xi for xi in float(depth[pair]) * OVERLAP_FRACTIONS
-                      if law.force(xi, 0.0, xi) < 0.0] if law.form is None and depth[pair] > 0.0 else []
-        if attractive:
-            yield (f"the law of pair {report.scene.pairs.name(pair)} attracts at an overlap of {max(attractive):.2g} "
-                   "m; the pull is cut to 0, so neither model has adhesion")
-
-
-def _solid_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
-    """Warn about densities, or speeds of contact waves, that no solid has.
-
-    The speed is 2 R √(∂F/∂ξ / m_eff). The usual reason is wrong units.
-    """
-    scene = report.scene
-    slope = resolved(report.law, scene).column(lambda law: law.impact_stiffness(report.impact_speed))
-    with np.errstate(all="ignore"):
-        density = scene.mass / (4.0 / 3.0 * math.pi * scene.radius**3)
-        waves = 2.0 * smaller_radius(scene) * np.sqrt(slope / scene.pairs.m_eff)
-    balls = ~scene.is_wall & (scene.radius > 0.0)
-    unusual = np.flatnonzero(balls & ~((density >= MIN_DENSITY) & (density <= MAX_DENSITY)))
-    for i in unusual[:1]:
-        yield (f"density of ball {i}{_further_count(unusual)} is {density[i]:.2g} kg/m³, which no solid has: are radii "
-               "in m and masses in kg?")
-    fast = np.flatnonzero((waves > MAX_WAVE_SPEED) & (waves < math.inf))
-    for c in fast[:1] if not len(unusual) else ():
-        yield (f"waves in the contact of pair {scene.pairs.name(c)}{_further_count(fast)} travel at {waves[c]:.2g} "
-               "m/s, faster than sound in any solid: is its stiffness in SI units?")
-
-
-def _further_count(items: Any) -> str:
-    """Text for the number of further balls or pairs in `items`, "" for one."""
-    return f" (and of {len(items) - 1} more)" if len(items) > 1 else ""
-
-
-def _overlap_and_speed_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
-    """Warn about deep overlaps, and about collisions near the speed of contact waves.
-
-    The speed of contact waves is 2 π R / t_c. Unstable runs are ignored because their overlaps have no meaning.
-    """
-    if report.soft.status is Status.unstable:
-        return
-    run = report.counted[1]
-    order, starts = run.by_pair
-    touching, log = np.flatnonzero(np.diff(starts)), run.contacts[order]
-    size = smaller_radius(report.scene)[touching]
-    deepest, fastest = (np.maximum.reduceat(values, starts[touching])
-                        for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))
-    shortest = np.minimum.reduceat(log["duration"], starts[touching])
-    depths, speeds = deepest / size, fastest * (shortest / (2.0 * math.pi * size))
-    name = report.scene.pairs.name
-    for c, depth, speed in zip(touching.tolist(), depths, speeds, strict=True):
-        if depth > 0.1:
-            yield (f"pair {name(c)} overlaps by {percent(depth)} of the smaller radius; force laws are valid up to "
-                   "about 10 %")
-        if speed > 0.1:
-            yield f"pair {name(c)} collides at {percent(speed)} of the speed of contact waves"
 
 
 def numbers(report: ComparisonWithAnswer) -> dict[str, Any]:

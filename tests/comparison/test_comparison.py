@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.comparison.report import warnings
+from granular.comparison.input_warnings import warnings
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import granular as gr
 from granular import measures
 from granular.app.cli import main
 from granular.comparison import remedies
-from granular.comparison.report import warnings
+from granular.comparison.input_warnings import warnings
 
 LAW = gr.LinearDashpot.from_restitution(0.9, k=1e6, pair=gr.Scene([1.0, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0]).pairs[0])
 T_C = gr.binary.collision(LAW, gr.Scene([1.0, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0]).pairs[0], 1.0).duration

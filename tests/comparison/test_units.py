@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.comparison.report import warnings
+from granular.comparison.input_warnings import warnings
 
 SOLIDS = {"steel": (7850.0, 206e9, 0.3), "glass": (2500.0, 70e9, 0.22), "rubber": (1100.0, 5e6, 0.49),
           "tungsten carbide": (15_600.0, 600e9, 0.22), "ice": (917.0, 9e9, 0.33)}
