@@ -1,4 +1,4 @@
 """Piles that come to rest, and the proof that they stay at rest.
 
-Support modules: `equilibrium`, `overdamped`, `proof`.
+Support modules: `equilibrium`, `general_laws`, `overdamped`, `proof`.
 """
