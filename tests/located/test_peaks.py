@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from granular._engine.roots import workspace
-from granular.md.located.pieces import largest_local_maximum, monotonic_sign, value
+from granular.md.located.peaks import largest_local_maximum, monotonic_sign
+from granular.md.located.pieces import value
 from granular.md.located.records import SERIES_ORDER
 
 WORK = workspace(SERIES_ORDER)
