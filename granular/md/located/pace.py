@@ -12,7 +12,7 @@ import math
 from time import process_time
 from typing import Any
 
-from granular._engine.kernels import CompilationCost, compiled
+from granular._engine.kernels import CompilationCost, compiled, kernel
 from granular._engine.records import column
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
@@ -29,7 +29,7 @@ from granular.md.located.records import (
     WORK_LIMIT,
 )
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
-from granular.md.located.rest.overdamped import examine_island, select_island_to_test
+from granular.md.located.rest.overdamped import examine_island
 from granular.md.located.system import record_views
 from granular.run.drive import Pause, next_portion
 
@@ -154,6 +154,20 @@ def period_and_island_count(s: Any) -> tuple[float, int]:
     touching = [(pair.first, s.pool[pair.slot]) for pair in s.pairs if pair.slot >= 0]
     touching = [(first, p) for first, p in touching if p.mode != OPEN and p.own_speed > 0.0]
     return min((p.own_length / p.own_speed for _, p in touching), default=0.0), len({first for first, _ in touching})
+
+
+@kernel
+def select_island_to_test(s: Any) -> bool:
+    """Make the first island that has to be tested for creep the current island.
+
+    Returns False if there is none.
+    """
+    for c in range(len(s.pairs)):
+        pair = s.pairs[c]
+        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner == NEEDS_CREEP_TEST:
+            s.run[0].lo = c
+            return True
+    return False
 
 
 def test_current_block(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:

@@ -335,18 +335,3 @@ def write_piece(s: Any, lo: int) -> None:
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= REST_PIECE_SCALE:
         pairs[lo].due = math.inf
-
-
-@kernel
-def select_island_to_test(s: Any) -> bool:
-    """Make the first island that has to be tested for creep the current island.
-
-    Returns False if there is none.
-    """
-    for c in range(len(s.pairs)):
-        pair = s.pairs[c]
-        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner == NEEDS_CREEP_TEST:
-            s.run[0].lo = c
-            return True
-    return False
-
