@@ -4,8 +4,8 @@ A step is a polynomial in time, a *piece*, and an event is its first root.
 
 Start with: `pieces`, `series`, `plan`, `blocks`, `one_contact/`, `run`.
 Support modules: `checkpoint`, `collocation`, `contacts`, `ending`, `islands`, `jumps`, `ledger`, `levels`, `log`,
-`many`, `modes`, `own_law`, `pace`, `peaks`, `pendula`, `power_form`, `records`, `rest/`, `restore`, `step_size`,
-`system`, `walls`.
+`many`, `modes`, `numbering`, `own_law`, `pace`, `peaks`, `pendula`, `power_form`, `records`, `rest/`, `restore`,
+`step_size`, `system`, `walls`.
 
 Parameters with the same meaning in all modules: `s` is the `System` of all records, with `run` (counters and the
 current event), `pairs`, `bodies` and `pool` (records of pairs in islands). `c` is the number of a pair. `lo` … `hi`-1

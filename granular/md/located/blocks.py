@@ -29,6 +29,7 @@ from granular.md.located.islands import (
 from granular.md.located.jumps import BLOCKS_CHANGED, RUN_ENDS, SAME_BLOCKS, pass_edge
 from granular.md.located.ledger import DISSIPATED, add_to_account, residual_loss
 from granular.md.located.modes import is_clipped
+from granular.md.located.numbering import pair_count
 from granular.md.located.one_contact.inside import join_current_event, restart_contact
 from granular.md.located.one_contact.meet import solve_as_one_event
 from granular.md.located.pieces import FLOAT_SPACING, advance_flight_to_event, in_contact, piece_time
@@ -58,7 +59,7 @@ from granular.md.located.records import (
 )
 from granular.md.located.rest.overdamped import expand_creep
 from granular.md.located.rest.proof import may_rest, write_still_piece
-from granular.md.located.system import join_pool, pair_count
+from granular.md.located.system import join_pool
 from granular.md.located.walls import expand_paths, rate_at, update_walls
 
 

@@ -31,6 +31,7 @@ from typing import Any
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, kernel
 from granular.md.located.log import begin_contact, end_contact
 from granular.md.located.modes import change_mode
+from granular.md.located.numbering import is_closed, neighbour_pairs, pair_count, wrapped_number
 from granular.md.located.pieces import DRIFT_NOISE_FACTOR, ROUNDING_OVERLAP_SHARE, direction, power, time_since
 from granular.md.located.records import (
     ACTIVE,
@@ -47,7 +48,6 @@ from granular.md.located.records import (
     STRUCK,
     TURN,
 )
-from granular.md.located.system import is_closed, neighbour_pairs, pair_count, wrapped_number
 
 ZERO_FORCE_SHARE = 1e-9
 """Fraction of its elastic force up to which the force of a pair counts as 0."""

@@ -13,6 +13,7 @@ from granular._engine.records import set_event_time
 from granular.md.located.contacts import MODE_CHANGED, NO_CHANGE, STOP_AWAITED, make_dormant, needs_series
 from granular.md.located.jumps import throw_struck_balls_back
 from granular.md.located.ledger import DISSIPATED, add_to_account, residual_loss
+from granular.md.located.numbering import is_closed, island_neighbours, lengthen_island, pair_count, wrapped_number
 from granular.md.located.one_contact.inside import join_current_event, restart_contact
 from granular.md.located.pieces import (
     advance_flight,
@@ -25,15 +26,7 @@ from granular.md.located.pieces import (
 )
 from granular.md.located.plan import advance_island, follow_contact
 from granular.md.located.records import DUE_TO_PLAN, EXTEND, MORE, MOVES, OPEN, SPARE_PLACES, STOPPED
-from granular.md.located.system import (
-    is_closed,
-    island_neighbours,
-    join_pool,
-    leave_pool,
-    lengthen_island,
-    pair_count,
-    wrapped_number,
-)
+from granular.md.located.system import join_pool, leave_pool
 from granular.md.located.walls import free_flight, update_walls
 
 MIN_CORRECTION_STEPS = 1 << 16

@@ -7,10 +7,10 @@ from typing import Any
 from granular._engine.flight import swing_after
 from granular._engine.kernels import HUNG, METERED, RING, kernel
 from granular.md.located.ledger import work_of_force
+from granular.md.located.numbering import is_closed, wrapped_number
 from granular.md.located.peaks import update_peaks
 from granular.md.located.pieces import elapsed_time, integral, time_since, two_sum
 from granular.md.located.records import ACTIVE, DORMANT, ENERGIES, NO_LOG, PEAKS
-from granular.md.located.system import is_closed, wrapped_number
 
 
 @kernel

@@ -30,6 +30,7 @@ from typing import Any
 from granular._engine.flight import time_to_contact
 from granular._engine.kernels import DRIVEN, HUNG, kernel
 from granular._engine.roots import first_up_crossing
+from granular.md.located.numbering import wrapped_number
 from granular.md.located.records import (
     ACTIVE,
     BEGIN,
@@ -44,7 +45,6 @@ from granular.md.located.records import (
     RESIDUAL,
     SERIES_ORDER,
 )
-from granular.md.located.system import wrapped_number
 from granular.md.located.walls import free_flight, next_touch, touching_rate
 
 DRIFT_NOISE_FACTOR = 4.0

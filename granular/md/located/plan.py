@@ -14,6 +14,7 @@ from granular._engine.records import set_event_time
 from granular.md.located.contacts import activate_pressed, correct_modes
 from granular.md.located.ledger import account_for_piece
 from granular.md.located.log import add_to_contacts
+from granular.md.located.numbering import is_closed, wrapped_number
 from granular.md.located.one_contact.inside import end_contact_piece, start_next_piece
 from granular.md.located.one_contact.tables import OWN_SPEED, fit_table, request_contact, store_contact
 from granular.md.located.pendula import advance_pendula
@@ -43,7 +44,6 @@ from granular.md.located.step_size import (
     truncation_error,
     trusted_tau,
 )
-from granular.md.located.system import is_closed, wrapped_number
 from granular.md.located.walls import expand_paths, speed_at, time_to_wall_edge
 
 

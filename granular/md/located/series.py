@@ -20,6 +20,7 @@ import math
 from typing import Any
 
 from granular._engine.kernels import DRIVEN, HUNG, RING, kernel
+from granular.md.located.numbering import is_closed
 from granular.md.located.pieces import elapsed_time, power
 from granular.md.located.records import (
     ACTIVE,
@@ -32,7 +33,6 @@ from granular.md.located.records import (
     RESIDUAL,
     SERIES_ORDER,
 )
-from granular.md.located.system import is_closed
 from granular.md.located.walls import drive
 
 

@@ -21,6 +21,7 @@ from typing import Any
 
 from granular._engine.flight import time_to_contact
 from granular._engine.kernels import RING, kernel
+from granular.md.located.numbering import is_closed
 from granular.md.located.pieces import DRIFT_NOISE_FACTOR, elapsed_time, force_return_time, power
 from granular.md.located.records import (
     ACTIVE,
@@ -34,7 +35,6 @@ from granular.md.located.records import (
     SERIES_ORDER,
 )
 from granular.md.located.series import has_force
-from granular.md.located.system import is_closed
 
 LINEAR_STEP_REACH = (math.factorial(SERIES_ORDER + 1) * 1e-17) ** (1.0 / (SERIES_ORDER + 1))
 """Largest λh of a linear piece: the first omitted term is then 1e-17."""

@@ -18,9 +18,9 @@ from typing import Any
 from granular._engine.flight import swing_after
 from granular._engine.kernels import DRIVEN, HUNG, RING, kernel
 from granular._engine.records import leaf
+from granular.md.located.numbering import neighbour_pairs, pair_count, wrapped_number
 from granular.md.located.pieces import FLOAT_SPACING, advance_clock, predict_flight, time_since
 from granular.md.located.records import OPEN
-from granular.md.located.system import neighbour_pairs, pair_count, wrapped_number
 from granular.md.located.walls import convexity, free_flight, gap_later, rate_later, velocity_of_wall
 
 

@@ -31,6 +31,7 @@ from granular.md.located.ledger import (
 )
 from granular.md.located.log import add_to_contacts
 from granular.md.located.modes import FORCE_BEGINS, FORCE_ENDS, change_mode, clip
+from granular.md.located.numbering import pair_count, wrapped_number
 from granular.md.located.pieces import (
     advance_clock,
     advance_flight,
@@ -53,7 +54,7 @@ from granular.md.located.records import (
     PART,
     RESIDUAL,
 )
-from granular.md.located.system import join_pool, leave_pool, pair_count, wrapped_number
+from granular.md.located.system import join_pool, leave_pool
 from granular.md.located.walls import free_flight, rate_jump, time_to_wall_edge
 
 MAX_CONTACT_PIECES = 2000

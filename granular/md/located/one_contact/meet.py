@@ -25,6 +25,7 @@ from granular.md.located.contacts import NOT_ISOLATED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
 from granular.md.located.ledger import account_for_isolated_contact, store_contact_energy
 from granular.md.located.log import velocity_now
+from granular.md.located.numbering import neighbour_pairs, pair_count, wrapped_number
 from granular.md.located.one_contact.flanks import (
     flank_above,
     flank_below,
@@ -48,7 +49,6 @@ from granular.md.located.records import (
     WANTS_CONTACT,
     WANTS_TABLE,
 )
-from granular.md.located.system import neighbour_pairs, pair_count, wrapped_number
 from granular.md.located.walls import flight_at_wall, rest_gap, touching_rate, update_walls
 
 MAX_TIME_LEFT_OF_PENDULA = 0.5
