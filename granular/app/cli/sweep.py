@@ -22,9 +22,9 @@ from granular.app.cli import ends, output
 from granular.app.cli.parser import Command, options_from
 from granular.cases.case import Option
 from granular.studies.sweeps.ensembles import COMMON_RESULTS, ensemble
+from granular.studies.sweeps.executors import end_with_parent
 from granular.studies.sweeps.results import RESULTS, STATUS_NAMES
 from granular.studies.sweeps.run import DEFAULT_RESULTS, sweep
-from granular.studies.sweeps.schedule import end_with_parent
 from granular.studies.sweeps.sensitivities import sensitivity
 from granular.studies.sweeps.subject import axis
 

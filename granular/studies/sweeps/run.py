@@ -17,6 +17,7 @@ from granular._engine.progress import ProgressCallback, progress_callback
 from granular._engine.reports import cores
 from granular.cases import Case
 from granular.studies.sweeps import schedule
+from granular.studies.sweeps.executors import checked_executor
 from granular.studies.sweeps.plan import Plan, check_names, dataset, make_plan, resume, write, xarray_
 from granular.studies.sweeps.results import MISUSE_CODE, NOT_RUN, Answers
 from granular.studies.sweeps.subject import SceneLike, Values, checked_axes
@@ -121,7 +122,7 @@ def sweep(
     >>> data["contacts"].sel(pair=1).values.tolist()
     [4, 4, 3]
     """
-    schedule.checked_executor(executor)
+    checked_executor(executor)
     threads = cores() if workers is None else check.integer("workers", workers, at_least=1)
     xarray_()
     varied = checked_axes(over)

@@ -6,13 +6,11 @@ A batch is one compiled call for many cells. Results are bitwise identical to on
 from __future__ import annotations
 
 import math
-import os
-import threading
 import time
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache, reduce
+from functools import cached_property, lru_cache, reduce
 from operator import xor
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -33,6 +31,7 @@ from granular.md.located import many
 from granular.run.trajectory import Trajectory
 from granular.run.until import LEVEL_TYPES
 from granular.scene import Scene, velocities
+from granular.studies.sweeps.executors import run_tasks
 from granular.studies.sweeps.results import CELL_ERRORS, STATUS_CODES, Answers, Result, common_restitution, impact_speed
 from granular.studies.sweeps.subject import Values
 
@@ -57,13 +56,6 @@ MIN_THREADED_SECONDS = 0.1
 """Total time of the cells in s above which compiled calls use several threads."""
 
 Batch = tuple[Values, Answers]
-
-
-def checked_executor(executor: Executor | None) -> None:
-    """Raise `TypeError` if `executor` has no method `submit`. None is allowed."""
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(f"`executor` must be an object with submit(), such as a ProcessPoolExecutor or "
-                        f"client.get_executor() of dask, got {executor!r}.")
 
 
 @dataclass
@@ -187,51 +179,6 @@ def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
         except CELL_ERRORS as error:
             answers.refuse(i, error_sentence(error))
     return answers
-
-
-def run_tasks(
-    executor: Executor | None, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]],
-) -> Iterator[tuple[int, Any]]:
-    """Call `function` for each task, here or on an executor. Yield number and result.
-
-    The number is the position of the task. Results of an executor are yielded as soon as they are available. On an
-    exception the remaining calls are cancelled.
-    """
-    if executor is None:
-        yield from ((k, function(*task)) for k, task in enumerate(tasks))
-        return
-    futures: dict[Any, int] = {}
-    try:
-        for k, task in enumerate(tasks):
-            futures[executor.submit(_call_for_parent, function, task)] = k
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def _call_for_parent(function: Callable[..., Any], task: tuple[Any, ...]) -> Any:
-    end_with_parent(os.getpid())
-    return function(*task)
-
-
-@cache
-def end_with_parent(process: int) -> None:
-    """End this process of a pool as soon as the process that started it ends.
-
-    Otherwise it would wait for work forever. `process` is the id of this process, so that the call has an effect once.
-    """
-    from multiprocessing import parent_process
-
-    parent = parent_process()
-    if parent is not None and threading.current_thread() is threading.main_thread():
-        threading.Thread(target=_follow, args=[parent], daemon=True).start()
-
-
-def _follow(parent: Any) -> None:
-    parent.join()
-    os._exit(1)
 
 
 def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:

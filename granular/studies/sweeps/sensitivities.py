@@ -21,10 +21,11 @@ from granular._engine.progress import progress_callback
 from granular.cases import Case
 from granular.comparison.outcome import ERROR_LIMIT, approach, components
 from granular.run.trajectory import EARLY_STATUSES
+from granular.studies.sweeps.executors import checked_executor, run_tasks
 from granular.studies.sweeps.plan import Plan, RequestedResult, make_plan, named
 from granular.studies.sweeps.results import MISUSE_CODE, STATUS_CODES
 from granular.studies.sweeps.run import bisect_jumps
-from granular.studies.sweeps.schedule import Answer, checked_executor, run_tasks, solve
+from granular.studies.sweeps.schedule import Answer, solve
 from granular.studies.sweeps.sensitivity_report import Sensitivity, Start
 from granular.studies.sweeps.subject import SceneLike, common_parameters, numbers_in
 
