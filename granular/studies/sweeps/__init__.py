@@ -2,8 +2,8 @@
 
 A cell of a sweep is one combination of parameter values. Each cell is a separate run.
 
-Support modules: `ensembles`, `executors`, `plan`, `results`, `run`, `schedule`, `sensitivities`, `sensitivity_report`,
-`subject`.
+Support modules: `derivatives`, `ensembles`, `executors`, `plan`, `results`, `run`, `schedule`, `sensitivities`,
+`sensitivity_report`, `subject`.
 """
 
 from granular.studies.sweeps.ensembles import Ensemble, Quantity, ensemble
