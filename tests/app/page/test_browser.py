@@ -236,7 +236,7 @@ def test_predict_first(lab) -> None:
     for _ in range(3):
         lab.key("ArrowUp")
     click(lab, ".run")
-    assert text(lab, ".told").startswith("You guessed 1.3 drop heights. Hard spheres say 3.56, soft spheres 0.53.")
+    assert text(lab, ".told").startswith("You guessed 1.3 drop heights. Hard spheres give 3.56, soft spheres 0.53.")
     assert lab.run("getComputedStyle(document.querySelector('.verdict')).display") != "none"
     lab.media()
 

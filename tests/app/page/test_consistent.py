@@ -81,7 +81,7 @@ def test_what_is_covered_says_nothing_and_is_whole_afterwards(own, story) -> Non
     click(own, ".run")
     last_picture(own)  # by hand
     settle(own)
-    assert text(own, ".told").startswith("You guessed 1 drop heights. Hard spheres say 3.56, soft spheres 0.53")
+    assert text(own, ".told").startswith("You guessed 1 drop heights. Hard spheres give 3.56, soft spheres 0.53")
     assert own.run(SHOWN % ".distance-box")
     width = "document.querySelector('.distance svg').%s"
     assert abs(own.run(width % "viewBox.baseVal.width") - own.run(width % "clientWidth")) <= 2

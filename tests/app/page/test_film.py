@@ -30,7 +30,7 @@ def test_a_guess_is_dragged_and_held_against_both(page, way) -> None:
     page.mouse(*page.middle(".run"))
     settle(page)
     assert text(page, ".told") == (
-        f"You guessed {guess:g} m. Hard spheres say 3.95, soft spheres 2.32. "
+        f"You guessed {guess:g} m. Hard spheres give 3.95, soft spheres 2.32. "
         f"You were nearer to the {'hard' if guess > 3.135 else 'soft'} spheres."
     )
     click(page, "[data-cause=losses]")
@@ -224,7 +224,7 @@ def test_four_clicks_are_heard_against_one(own, story) -> None:
     own.wait("document.querySelector('.time-bar').value === '2000'")
     assert own.run("window.heard") == []  # silent until it is asked for
     own.mouse(*own.middle(".sound-button"))
-    assert text(own, ".notice").startswith("Hard left, soft right")
+    assert text(own, ".notice").startswith("Hard on the left, soft on the right")
     click(own, ".restart")
     click(own, ".play")
     own.wait("document.querySelector('.time-bar').value === '2000'")

@@ -170,7 +170,7 @@ def test_every_control_of_every_scene_answers(blank, story, scene) -> None:
 def test_words_are_explained_on_tap(page) -> None:
     turn(page, 2)
     page.mouse(*page.middle("[data-term=eps]"))
-    assert text(page, ".meaning").startswith("Restitution ε: speed of parting")
+    assert text(page, ".meaning").startswith("Restitution ε: speed of separation")
     page.mouse(*page.middle("[data-term=eps]"))
     assert page.run("document.querySelector('.meaning')") is None
 
