@@ -103,7 +103,7 @@ def soft_spheres():
     located, other, ratio = re.search(r"^\| 10⁻⁹ \| (.*) \| DOP853 with events, (.*) \| (.*) \|$", table, re.M).groups()
     data = json.loads((ROOT / "docs" / "figures" / "data" / "frontier-three-balls.json").read_text(encoding="utf-8"))
     assert data["located"][0][1] < 5e-16
-    return (f"reaches the rounding level in {located}, while",
+    return (f"reaches the rounding level in {located}. An eighth-order",
             f"needs {other} for an error of 10⁻⁹, {ratio} times as long",)
 
 
@@ -171,8 +171,8 @@ def parameters():
     gas = [separate(gr.md.simulate(gr.scenes.gas(6, seed=5), gr.LinearDashpot(k), t_end=100.0))
            for k in (130.0, 200.0, 400.0, 640.0, 660.0)]
     assert gas == [True, False, False, False, True]
-    return ("In the two-ball problem with ε = 0.9, all contacts are separate from a gap of 2.71 mm upwards, while the "
-            f"error is already below {LIMIT} at 2.25 mm, and above it at 2.24 mm",
+    return ("In the two-ball problem with ε = 0.9, all contacts are separate from a gap of 2.71 mm upwards. The "
+            f"error is already below {LIMIT} at 2.25 mm, and above {LIMIT} at 2.24 mm",
             "all contacts are separate for stiffnesses of 130 and 660 N/m, but not for 200, 400 and 640 N/m")
 
 
