@@ -64,9 +64,9 @@ class LinearDashpot(_StiffAndDamped):
     ) -> LinearDashpot:
         """Return the law with a given restitution of an isolated contact in `pair`.
 
-        Either the stiffness or the contact duration t_c is given. With ζ and f(ζ) of the module docstring,
-        k = m_eff (2 f / t_c)² and γ = 4 ζ f m_eff / t_c. An isolated contact of the law has exactly
-        this ε and this t_c.
+        Either the stiffness or the contact duration t_c is given. With the damping ratio ζ(ε), and
+        f(ζ) as defined in `granular.laws.dashpot`, k = m_eff (2 f / t_c)² and γ = 4 ζ f m_eff / t_c. An isolated
+        contact of the law has exactly this ε and this t_c.
 
         Parameters
         ----------

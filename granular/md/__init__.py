@@ -1,5 +1,7 @@
 """Soft spheres: contact forces, with a fixed time step or with located events.
 
+`simulate` runs a scene, `resume` continues a run, and `events` yields the contacts of a run.
+
 Start with: `fixed/`, `located/`.
 Support modules: `binary`, `isolation`, `oblique_impact`, `simulation`, `time_step`, `waves/`.
 """
