@@ -116,7 +116,7 @@ def two_ball_drop(
     e01, e12 = _restitutions(restitution, 2).tolist()
     g = check.number("gravity", gravity, at_least=0.0)
     h = check.number("drop", drop, at_least=0.0)
-    v0 = check.number("speed", speed, at_least=0.0, fix="The direction, downwards, is built in.")
+    v0 = check.number("speed", speed, at_least=0.0, fix="It always points downwards.")
     impact = math.sqrt(v0 * v0 + 2.0 * g * h)
     if impact == 0.0:
         raise ValueError(f"`drop` (with gravity) or `speed` must be positive, got drop = {drop!r}, speed = {speed!r} "

@@ -95,7 +95,7 @@ class Scene(ByNumbers):
         self.__dict__.update(checked_bodies(mass, radius, gap, velocity, ring))
         walls = np.isinf(self.mass)
         self.__dict__.update(
-            gravity=check.number("gravity", gravity, at_least=0.0, fix="Its direction, downwards, is built in."),
+            gravity=check.number("gravity", gravity, at_least=0.0, fix="It always points downwards."),
             origin=check.number("origin", origin), external_force=checked_forces(external_force, walls),
             floor=checked_motion("floor", floor, bool(walls[0])),
             ceiling=checked_motion("ceiling", ceiling, bool(walls[-1])),

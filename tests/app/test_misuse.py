@@ -91,7 +91,7 @@ SCENES = {
     "endless gap": (lambda: scene(gap=[0.5, math.inf]), r"`gap\[1\]` must be finite.*, got inf"),
     "velocity is nan": (lambda: scene(velocity=[0, 0, math.nan]), r"`velocity\[2\]` must be finite.*, got nan"),
     "gravity upwards": (lambda: scene(gravity=-9.81),
-        r"`gravity` must be a finite number of at least 0, got -9\.81\. Its direction, downwards, is built in\."),
+        r"`gravity` must be a finite number of at least 0, got -9\.81\. It always points downwards\."),
     "gravity as a vector": (lambda: scene(gravity=[0, -9.81]), r"`gravity` must be a single number, got \[0, -9\.81\]"),
     "positions fall": (
         lambda: Scene.from_positions([1, 1], [0, 0], [1, 0], [0, 0]),

@@ -151,8 +151,8 @@ READY = '[scene]\nname = "three-balls"\n'
         r"own\.toml: \[scene\]: `name` must be a known name, got 'three-ball'\. Did you mean 'three-balls'\?"),
     (READY + "gapp = 1\n", r"own\.toml: \[scene\]: unknown key gapp; did you mean gap\?"),
     (READY + "gravity = -1\n",
-        r"own\.toml: \[scene\]: `gravity` must be a finite number of at least 0, got -1\. Its direction, "
-        r"downwards, is built in\."),
+        r"own\.toml: \[scene\]: `gravity` must be a finite number of at least 0, got -1\. It always "
+        r"points downwards\."),
     ("[scene]\nmass = [1, 1]\nradius = [0, 0]\ngap = [1]\n",
      r"own\.toml: \[scene\]: The keys must be \(mass, radius, gap, velocity\) or \(mass, radius, position, "
      r"velocity\), got \(mass, radius, gap\)\."),

@@ -119,12 +119,12 @@ def test_a_bouncing_ball_starts_with_its_lowest_point_at_the_drop_height():
     (lambda: scenes.three_balls(height=0.05), r"`height` must be .*at least 0\.1, got 0\.05\. It is .*centre"),
     (lambda: scenes.three_balls(density=0.0), r"`density` must be .*above 0, got 0\.0"),
     (lambda: scenes.three_balls(gravity=-9.81),
-        r"`gravity` must be a finite number of at least 0, got -9\.81\. Its direction, downwards, is built in\."),
+        r"`gravity` must be a finite number of at least 0, got -9\.81\. It always points downwards\."),
     (lambda: scenes.ball_stack(height=1.0, speed=1.0),
         r"Only one of `height` and `speed` can be given, got 1\.0 and 1\.0\. A stack with a speed starts at the "
         r"floor\."),
     (lambda: scenes.ball_stack(masses=[1.0, math.inf]),
-        r"`masses\[1\]` must be positive and finite, got inf\. The floor is built in\."),
+        r"`masses\[1\]` must be positive and finite, got inf\. The floor is part of the scene\."),
     (lambda: scenes.ball_stack(n=2.5), r"`n` must be an integer of at least 1, got 2\.5"),
     (lambda: scenes.ball_stack(3, gap=[1e-4]),
         r"`gap` must be an array of shape \(2,\), got an array of shape \(1,\)\. Give one gap for all pairs, or "
@@ -134,7 +134,7 @@ def test_a_bouncing_ball_starts_with_its_lowest_point_at_the_drop_height():
     (lambda: scenes.chain(1), r"`n` must be an integer of at least 2, got 1"),
     (lambda: scenes.chain(striker=0.0), r"`striker` must be .*above 0, got 0\.0"),
     (lambda: scenes.column(speed=-1.0),
-        r"`speed` must be a finite number of at least 0, got -1\.0\. The direction, downwards, is built in\."),
+        r"`speed` must be a finite number of at least 0, got -1\.0\. It always points downwards\."),
     (lambda: scenes.gas(packing=1.0), r"`packing` must be a fraction of the length below 1, got 1\.0\."),
     (lambda: scenes.gas(speeds="maxwel"),
         r"`speeds` must be one of maxwell, uniform, two, got 'maxwel'\. Did you mean 'maxwell'\?"),
@@ -227,7 +227,7 @@ def test_a_viscoelastic_ball_thrown_up_has_its_restitution_where_it_lands():
         r"`rest_gap` must be an array of shape \(4,\), got an array of shape \(1,\)"),
     (lambda: scenes.pendulum_cradle(rest_gap=-0.1), r"`rest_gap\[0\]` must be finite and non-negative, got -0\.1\."),
     (lambda: scenes.pendulum_cradle(amplitude=-0.1),
-        r"`amplitude` must be a finite number of at least 0, got -0\.1\. It is measured to the left\."),
+        r"`amplitude` must be a finite number of at least 0, got -0\.1\. Positive is to the left\."),
     (lambda: scenes.pendulum_cradle(gravity=0.0), r"`gravity` must be .*above 0.*, got 0\.0"),
 ])
 def test_misuse_of_bounded_scenes_is_a_sentence(make, sentence):

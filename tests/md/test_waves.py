@@ -202,7 +202,7 @@ class Saturating:
 @pytest.mark.parametrize(("call", "sentence"), [
     (lambda: gr.scenes.compressed_chain(0, law=PULL), r"`n` must be .*at least 1.*, got 0"),
     (lambda: gr.scenes.compressed_chain(force=-1.0, law=PULL),
-        r"`force` must be a finite number of at least 0, got -1\.0\. It is compressive\."),
+        r"`force` must be a finite number of at least 0, got -1\.0\. A positive force compresses the chain\."),
     (lambda: gr.scenes.compressed_chain(law=PULL, ends="wall"),
         r"`ends` must be one of walls, force, forces.*, got 'wall'"),
     (lambda: gr.scenes.compressed_chain(law=PULL, striker=1.0),

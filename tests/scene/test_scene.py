@@ -96,7 +96,7 @@ def test_momentum_and_name_leave_out_the_walls():
     ({"gap": [0.5, math.nan]}, r"`gap\[1\]` must be finite.*, got nan"),
     ({"velocity": [0.0, INF, 0.0]}, r"`velocity\[1\]` must be finite.*, got inf"),
     ({"gravity": -9.81},
-        r"`gravity` must be a finite number of at least 0, got -9\.81\. Its direction, downwards, is built in\."),
+        r"`gravity` must be a finite number of at least 0, got -9\.81\. It always points downwards\."),
     ({"origin": INF}, r"`origin` must be a finite number, got inf"),
 ])
 def test_misuse_is_a_sentence(changes, sentence):

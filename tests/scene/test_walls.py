@@ -94,11 +94,11 @@ MISUSE = [
         r"every time of the run\."),
     (lambda: Motion(jump).panels(0.0, 1.0),
         "`function` must be smooth, but polynomials do not reach an accuracy of 1e-15 of its excursion near t = "
-        r"0\.3 s\. Use granular\.walls\.Piecewise for a path with corners, or a larger `accuracy` for one with "
+        r"0\.3 s\. Use granular\.walls\.Piecewise for a path with corners, or a larger `accuracy` for a path with "
         r"noise\."),
     (lambda: Motion(lambda t: abs(t - 0.3)).panels(0.0, 1.0),
         "`function` must be smooth, but polynomials do not reach an accuracy of 1e-15 of its excursion near t = "
-        r"0\.3 s\. Use granular\.walls\.Piecewise for a path with corners, or a larger `accuracy` for one with "
+        r"0\.3 s\. Use granular\.walls\.Piecewise for a path with corners, or a larger `accuracy` for a path with "
         r"noise\."),
     (lambda: Motion(Motion(parabola).panels(0.0, 1.0)).panels(0.0, 2.0),
         r"`t_end` must be a number in \[0, 1\], got 2\.0\. The path of the wall covers only this interval\."),

@@ -78,9 +78,9 @@ def ball_stack(
         raise ValueError(f"Only one of `height` and `speed` can be given, got {height!r} and {speed!r}. A stack with a "
                          "speed starts at the floor.")
     m = geometric_masses(n, mass_ratio) if masses is None else (
-        check.positive("masses", masses, "mass", "The floor is built in."))
+        check.positive("masses", masses, "mass", "The floor is part of the scene."))
     drop = 0.0 if speed is not None else check.number("height", 1.0 if height is None else height, at_least=0.0)
-    v = 0.0 if speed is None else check.number("speed", speed, above=0.0, fix="The direction, downwards, is built in.")
+    v = 0.0 if speed is None else check.number("speed", speed, above=0.0, fix="It always points downwards.")
     return above_floor(m, radius_of(m, density), drop, gap, v, gravity)
 
 
@@ -110,7 +110,7 @@ def column(
     """
     count = count_of(n)
     m = np.full(count, check.number("mass", mass, above=0.0))
-    v = check.number("speed", speed, at_least=0.0, fix="The direction, downwards, is built in.")
+    v = check.number("speed", speed, at_least=0.0, fix="It always points downwards.")
     floor, *between = gaps_of(gap, count)
     return above_floor(m, radius_of(m, density), floor, between, v, gravity)
 
@@ -143,7 +143,7 @@ def bouncing_ball(
     """
     r = np.array([check.number("radius", radius, above=0.0)])
     drop = check.number("height", (1.0 if plate is None else 0.0) if height is None else height, at_least=0.0)
-    v = check.number("speed", speed, at_least=0.0, fix="The direction, downwards, is built in.")
+    v = check.number("speed", speed, at_least=0.0, fix="It always points downwards.")
     return above_floor(mass_of(r, density), r, drop, (), v, gravity, plate)
 
 

@@ -122,7 +122,7 @@ def heated_gas(
     seed : int
         Seed of the random numbers, for places, velocities and walls.
     """
-    g = check.number("gravity", gravity, at_least=0.0, fix="Its direction, downwards, is built in.")
+    g = check.number("gravity", gravity, at_least=0.0, fix="It always points downwards.")
     floor = Thermal(check.number("lower", lower, above=0.0, fix="It is k_B T in J."), seed)
     hot = floor.temperature
     cold = 0.5 * hot if upper is None else check.number("upper", upper, above=0.0, fix="It is k_B T in J.")

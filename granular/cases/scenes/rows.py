@@ -80,7 +80,7 @@ def pendulum_cradle(
     count = count_of(n, 2)
     aside = check.integer("moving", moving, at_least=1, at_most=count - 1, fix="At least one ball has to be at rest.")
     rest = gaps_of(rest_gap, count - 1, "rest_gap")
-    pulled, gap = check.number("amplitude", amplitude, at_least=0.0, fix="It is measured to the left."), rest.copy()
+    pulled, gap = check.number("amplitude", amplitude, at_least=0.0, fix="Positive is to the left."), rest.copy()
     gap[aside - 1] += pulled
     square = check.number("gravity", gravity, above=0.0) / check.number("length", length, above=0.0)
     m = np.full(count, check.number("mass", mass, above=0.0))
@@ -163,7 +163,7 @@ def compressed_chain(
     TypeError, ValueError
         For misuse, such as a force that no overlap gives under that law.
     """
-    count, load = count_of(n), check.number("force", force, at_least=0.0, fix="It is compressive.")
+    count, load = count_of(n), check.number("force", force, at_least=0.0, fix="A positive force compresses the chain.")
     check.choice("ends", ends, ("walls", "force", "forces"))
     r = np.full(count, check.number("radius", radius, above=0.0))
     r[1::2] *= np.cbrt(check.number("dimer", dimer, above=0.0))

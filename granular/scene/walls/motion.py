@@ -136,7 +136,7 @@ def _fitted_panels(function: Callable[[float], float], accuracy: float, begin: f
             raise ValueError(
                 f"`function` must be smooth, but polynomials do not reach an accuracy of {accuracy:g} of its excursion "
                 f"near t = {middle:.9g} s. Use granular.walls.Piecewise for a path with corners, or a larger "
-                "`accuracy` for one with noise."
+                "`accuracy` for a path with noise."
             )
         stack += [(a, b, _node_values(function, a, b)) for a, b in ((middle, right), (left, middle))]
     return Panels(np.array([begin, *right_edges]), np.array(series), error)
