@@ -21,7 +21,7 @@ class ContactList(Command):
         parser.add_argument("--time-step", type=float, metavar="NUMBER", help="time step in s, required for LAMMPS")
         parser.add_argument("--diameter", type=float, metavar="NUMBER", help="diameter of all particles in m")
         parser.add_argument("--particles", type=int, metavar="NUMBER",
-                            help="number of particles [those with a contact]")
+                            help="number of particles [all particles with a contact]")
         parser.add_argument("--columns", metavar="NAMES", help="names of all columns of a LAMMPS file, in quotes")
         output.add_outputs(parser, json="write all numbers")
         return []

@@ -15,7 +15,7 @@ NAME = "granular-page.html"
 
 
 class Page(Command):
-    """Write the teaching page: both engines live in one HTML file."""
+    """Write the teaching page: one HTML file with both models."""
 
     USAGE = "[SCENE] [--NAME VALUE …] [-o FILE.html] [--open]"
     TITLE = "initial state of the page"

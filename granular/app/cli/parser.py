@@ -31,9 +31,9 @@ COMMAND_CLASSES = {
 }
 """Location of each command: a module of this package, and its `Command`."""
 PROGRAM_DESCRIPTION = """\
-Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions)
-and as soft spheres (md: Newton's equation with a contact force), and whether
-the two models agree. All numbers are in SI units."""
+Simulate balls on a line as hard spheres (edmd: event-driven, instantaneous
+collisions) and as soft spheres (md: Newton's equation with a contact force),
+and report whether the two models agree. All numbers are in SI units."""
 PROGRAM_EXAMPLES = """\
 examples:
   granular compare three-balls --restitution 0.7  both engines on one scene
@@ -244,7 +244,9 @@ def _add_options(parser: argparse.ArgumentParser, title: str, options: Iterable[
     group = parser.add_argument_group(title)
     for option in options:
         about = re.sub(r"`+|\*(?=\w+\*)|(?<=\w)\*", "", option.about).replace("%", "%%")
-        shown = "" if option.default is None else f" [{_default_text(option.default)}]"
+        about = re.sub(r"(?<=\d) (?=\d{3}\b)", "\u00a0", about)  # keeps 1 000 000 on one line
+        has_default = option.default is not None and "efault" not in about  # a text can state the default itself
+        shown = f" [{_default_text(option.default)}]" if has_default else ""
         group.add_argument("--" + option.name.replace("_", "-"), dest=option.name, default=argparse.SUPPRESS,
                            help=about + shown, **_argparse_settings(option.kind))
 
