@@ -126,7 +126,7 @@ def from_json(what: str, value: Any) -> Any:
         raise LookupError(plain_text(value["shown"]))
     if word not in CLASS_PLACES[what]:
         raise ValueError(f"The class of a {what} must be one of {', '.join(CLASS_PLACES[what])}, got "
-                         f"{plain_text(repr(word), 60)}. A later version of granular may know other classes.")
+                         f"{plain_text(repr(word), 60)}. A later version of granular can have other classes.")
     module, name = CLASS_PLACES[what][word].split(":")
     kind, values = getattr(import_module(module), name), value.get("fields")
     field_names = [f.name for f in fields(kind)]

@@ -110,7 +110,7 @@ def specialised(function: F, **replacements: Any) -> F:
     function : kernel
         Kernel to copy.
     **replacements : kernel, or number, string or tuple of them
-        Replacement for each global name. A kernel as a replacement may read other replaced names, but not its own.
+        Replacement for each global name. A kernel as a replacement can read other replaced names, but not its own.
 
     Raises
     ------

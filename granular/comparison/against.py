@@ -248,7 +248,7 @@ def _flight_notes(report: Any, run: Trajectory) -> Iterator[str]:
     speeds = scene.across(run.velocity), np.diff(gap, axis=0) / step, *(
         np.diff(each.contacts["v_in"]) for each in (report.hard, report.soft))
     reach = 2.0 * max(float(np.nanmax(np.abs(values), initial=0.0)) for values in speeds) * step
-    gap = gap - np.fmin.reduce(gap).clip(min=0.0)  # positions may be shifted
+    gap = gap - np.fmin.reduce(gap).clip(min=0.0)  # positions can be shifted
     free = (gap[1:] > 0.0) & (gap[:-1] > 0.0) & (gap[1:] + gap[:-1] > reach)
     for ball in np.flatnonzero(~scene.is_wall).tolist():
         edges = np.flatnonzero(np.diff(np.pad(free[:, max(ball - 1, 0) : ball + 1].all(axis=1), 1).astype(int)))
@@ -258,7 +258,7 @@ def _flight_notes(report: Any, run: Trajectory) -> Iterator[str]:
         part, fall = slice(begin, end + 1), float(scene.fall[ball])
         t, place = time[part] - time[begin], run.position[rows[part], ball]
         fit, covariance = np.polyfit(2.0 * t / t[-1] - 1.0, place - 0.5 * fall * t**2, 3, cov=True)
-        levels = np.unique(np.round(run.position[:, ball] / size))  # positions may be rounded to pixels or digits
+        levels = np.unique(np.round(run.position[:, ball] / size))  # positions can be rounded to pixels or digits
         floor = max(3e-5 * np.ptp(place), 3.0 * size * np.fmin.reduce(np.diff(levels), initial=math.inf))
         if (np.abs(fit[:2]) > np.maximum(floor, 10.0 * np.sqrt(np.diag(covariance)[:2]))).any():
             first, last = (fall + 8.0 * (fit[1] + 3.0 * u * fit[0]) / t[-1] ** 2 for u in (-1.0, 1.0))

@@ -1,6 +1,6 @@
 """Alignment of two runs at their ends, and further runs under other tie rules.
 
-Soft spheres lag behind hard spheres by about one contact duration per collision. The n-th contact of a pair may
+Soft spheres lag behind hard spheres by about one contact duration per collision. The n-th contact of a pair can
 therefore have ended in one run when the comparison stops, but not in the other run. For each pair, n is the larger
 number of contacts in the two runs. Both runs are continued until the n-th contact of the pair has ended, and later
 contacts are ignored. A contact that begins later than the lag allows counts as missing.
@@ -47,7 +47,7 @@ It is in units of the duration of an isolated contact of the same pair.
 MIN_COLLISION_LIMIT = 100_000
 """Smallest limit on the collisions of a continued hard run.
 
-Near a shaken wall a continued run may have many more collisions than the original run.
+Near a shaken wall a continued run can have many more collisions than the original run.
 """
 END_MARGIN = 1e-9
 """Margin of the end time of two compared hard runs, relative to their length."""
@@ -76,8 +76,8 @@ def equalize_counts(hard: Trajectory, soft: Trajectory, options: Mapping[str, An
 
     Notes
     -----
-    A contact that one run still lacks may begin later by the lag. The lag is the isolated duration at its
-    approach speed, plus the time that its balls need to travel the distance by which they may be behind. This distance
+    A contact that one run still lacks can begin later by the lag. The lag is the isolated duration at its
+    approach speed, plus the time that its balls need to travel the distance by which they can be behind. This distance
     is the largest approach speed times the sum of all durations so far, both of the component. The second part of the
     lag is at most the length of the run.
 
@@ -162,7 +162,7 @@ def _unfinished_contacts(soft: Trajectory) -> tuple[Any, Array]:
 def _without_late_ends(soft: Trajectory, until: Array) -> Trajectory:
     """Return a soft run in which contacts that last too long have no end.
 
-    A contact may last longer than it is followed. If another pair needs a longer run, the end of such a contact may be
+    A contact can last longer than it is followed. If another pair needs a longer run, the end of such a contact can be
     in the log. It is removed here, so that the result does not depend on the other pair.
 
     Parameters
@@ -223,7 +223,7 @@ def allowed_delay(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], 
     """Return a function ``lag(pair, speed)`` for the allowed delay of a contact in s.
 
     The arguments are pair numbers and approach speeds in m/s. The lag is the isolated duration, plus the time that the
-    balls need to travel the distance by which they may lag behind the other run. The second part is at most the length
+    balls need to travel the distance by which they can lag behind the other run. The second part is at most the length
     of the run. The lag is 0 for contacts that do not end. The last result is cached in the soft run.
     """
     compared_with, stored_lag = vars(soft).get("_delay", (None, None))
@@ -265,7 +265,7 @@ def _pairs_bouncing_lower(run: Trajectory, other: Trajectory, resting: list[int]
 
 
 def _distances_behind(hard: Trajectory, soft: Trajectory, isolated_duration: Durations) -> Array:
-    """Distance in m by which the balls of each pair may be behind, (n-1,).
+    """Distance in m by which the balls of each pair can be behind, (n-1,).
 
     It is the total duration of all contacts of the component in both runs, times the largest approach speed of the
     component. Contacts of hard spheres count with their isolated durations `isolated_duration`. Soft contacts without
@@ -398,7 +398,7 @@ def has_memory(soft: Trajectory) -> bool:
 def has_unfollowed_contact(soft: Trajectory) -> Any:
     """Whether each pair has a contact that had not ended when its run stopped, (n-1,).
 
-    This means contacts that were followed for less than `FOLLOWED_DURATIONS`. They may still end. Contacts followed for
+    This means contacts that were followed for less than `FOLLOWED_DURATIONS`. They can still end. Contacts followed for
     longer count as contacts without end.
     """
     is_short, (running, patience) = np.zeros(soft.scene.n_pairs, np.bool_), _unfinished_contacts(soft)
@@ -447,7 +447,7 @@ def other_tie_rules(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[di
 
     Nothing is yielded without a pair for which `has_ties` is true. Poisson's rule is left out if it is not defined: for
     balls that stick, for example after a collapse, for the TC model, and for an elastic cut-off. It is also left out
-    for many bodies because it is slow. `granular.edmd.simulate` may still refuse a scene under another tie rule.
+    for many bodies because it is slow. `granular.edmd.simulate` can still refuse a scene under another tie rule.
     """
     n = hard.scene.n
     if n < 3 or not has_ties(hard).any():

@@ -39,7 +39,21 @@ from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 
 @_check.face
 class Answer(Enum):
-    """Can the collisions of a scene be treated as instantaneous? From worst to best."""
+    """Can the collisions of a scene be treated as instantaneous? From worst to best.
+
+    Attributes
+    ----------
+    no
+        The hard-sphere run is wrong: numbers of contacts or velocities differ.
+    not_unique
+        Hard spheres have no unique result, because balls touch or collide simultaneously.
+    not_ball_by_ball
+        Single balls are beyond predictability. Compare means over many draws, see `granular.ensemble`.
+    undecided
+        A run or a check stopped early. The reason names it.
+    yes
+        The hard-sphere run is right within 1 % of the fastest impact.
+    """
 
     no = "No"
     not_unique = "Not uniquely"

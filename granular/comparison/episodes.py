@@ -75,7 +75,7 @@ class Departures:
     weight : (n-1,) array
         Speed in m/s that weight gives a ball during a contact, see `granular.comparison.outcome.Components.weight`.
     lag : callable
-        ``lag(pair, speed)``: time in s by which contacts of these pairs at these approach speeds may be late.
+        ``lag(pair, speed)``: time in s by which contacts of these pairs at these approach speeds can be late.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ from granular.scene import Scene, speed_scale
 ROOT_ROUNDING_ERROR = 1e-14
 """Fraction of the largest value below which a value counts as zero.
 
-A function that jumps near its root may have no change of sign there.
+A function that jumps near its root need not change its sign there.
 """
 MERGING_SPEED_FACTOR = 1e-4
 """Speed below which hard spheres stick, relative to the impact speed."""
@@ -44,7 +44,7 @@ Flight = tuple[float, float, float]
 
 
 def roots(function: Callable[[float], float], grid: check.Array, scale: float) -> tuple[float, ...]:
-    """Return the zeros of a function that may jump, in ascending order.
+    """Return the zeros of a function that can jump, in ascending order.
 
     Zeros are searched at the grid points and between grid points with opposite signs. Values at rounding level are
     zero. A jump across zero is not a root.
@@ -88,7 +88,7 @@ def repeat_with_samples(report: Any, engine: str, times: check.Array, further: b
     run = report.hard if hard else report.soft
     has_separated = run.status is Status.until and (hard or isinstance(report.until, Separated))
     continues_freely = has_separated or run.status in (Status.quiet, Status.resting, Status.time)
-    continues_freely = continues_freely and not report.scene.driven  # a path may end with the run
+    continues_freely = continues_freely and not report.scene.driven  # a path can end with the run
     stop = float(times[-1]) if continues_freely or further else min(float(times[-1]), float(run.time[-1]))
     sampling: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
     if hard:
@@ -282,7 +282,7 @@ def floor_share(report: Any) -> float:
             or report.soft.status is Status.unstable):
         return math.nan
     spans = np.array([2 * (report.soft.time[-1],), *((o.begin, o.end) for o in report.overlaps
-                                                     if log["pair"][o.lower] == 0)])  # there may be none
+                                                     if log["pair"][o.lower] == 0)])  # there can be none
     run = repeat_with_samples(report, "soft", np.unique(spans))
     momentum = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
     return float(np.diff(momentum[np.searchsorted(run.time, spans)], axis=1).sum() / total)

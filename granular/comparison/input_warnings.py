@@ -78,7 +78,7 @@ def _attraction_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
                       if law.force(xi, 0.0, xi) < 0.0] if law.form is None and depth[pair] > 0.0 else []
         if attractive:
             yield (f"the law of pair {report.scene.pairs.name(pair)} attracts at an overlap of {max(attractive):.2g} "
-                   "m; the pull is cut to 0, so neither model has adhesion")
+                   "m; the attraction is clipped to 0, so neither model has adhesion")
 
 
 def _solid_warnings(report: ComparisonWithAnswer) -> Iterator[str]:

@@ -267,7 +267,7 @@ def strengths(run: Trajectory) -> Array:
     """Strength in m/s of each contact in the log, (m,).
 
     It is the larger of the approach speed and of impulse / m_eff. Balls that touch at rest have no approach speed. It
-    is 0 for a contact that ended without any force, as at the onset of a law whose pull is cut to 0.
+    is 0 for a contact that ended without any force, as at the onset of a law whose attraction is clipped to 0.
     """
     log = run.contacts
     strength = np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]])

@@ -120,14 +120,14 @@ class Comparison(ComparisonWithAnswer, Report):
     def against(self, run: Trajectory) -> Against:
         """Compare a run of another program, or a recording, with both engines.
 
-        Both engines run again, with samples at exactly the times of `run`. The clock of `run` may begin at any time.
+        Both engines run again, with samples at exactly the times of `run`. The clock of `run` can begin at any time.
         Its offset is the time of its first sample if this sample is the initial state of the scene. Otherwise the
         offset is fitted to the gaps, and accepted if it reduces the differences from one engine by a factor of four.
 
         Parameters
         ----------
         run : Trajectory
-            Run of the same scene, for example from `granular.Trajectory.from_arrays`. Velocities may be nan.
+            Run of the same scene, for example from `granular.Trajectory.from_arrays`. Velocities can be nan.
 
         Returns
         -------

@@ -24,7 +24,7 @@ from granular.run.trajectory import Status, Trajectory
 if TYPE_CHECKING:
     from granular.comparison.answer import ComparisonWithAnswer
 
-# late contacts may be left out up to this fraction of the impulse; a note at the edge of the axis counts them
+# late contacts can be left out up to this fraction of the impulse; a note at the edge of the axis counts them
 NEGLIGIBLE_IMPULSE_FRACTION = 0.01
 MAX_PAIRS_FOR_CLOSEUP = 20  # with more pairs, some distant contact would nearly always last
 MAX_CLOSEUP_FRACTION = 0.6  # an enlarged view of more than this fraction shows the whole time axis

@@ -86,7 +86,7 @@ def collide_pair(
     if row is not None:
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
-    # Without a rebound, or with a rebound below the noise, the bodies may stick.
+    # Without a rebound, or with a rebound below the noise, the bodies can stick.
     no_rebound = e * w == 0.0 or (e * w) * (e * w) < lower.noise + upper.noise
     may_stick = e < 1.0 and w <= 0.0 and (no_rebound or -w < run.merge_below)
     if may_stick and will_stick(pairs, bodies, c, now, w, e, walls):

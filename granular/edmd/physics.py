@@ -181,8 +181,8 @@ def _check_combination(eps: check.Array, options: dict[str, Any], scene: Scene) 
         raise ValueError(f"`rule` must be one constant restitution for all pairs if ties={ties!r}, got restitutions "
                          f"from {eps.min():g} to {eps.max():g}. {reason} Use ties='poisson'.")
     if TIE_ORDERS[ties] == GROUP and (merges or has_tc or has_elastic_below):
-        raise ValueError(f"`ties` must not solve groups as a whole if balls stick, or with collapse='merge', tc= or "
-                         f"elastic_below=, got {ties!r}. Use ties='left'.")
+        raise ValueError(f"`ties` must be 'left', 'right' or 'random' if balls stick, or with collapse='merge', tc= or "
+                         f"elastic_below=, got {ties!r}.")
     if merges + has_tc + has_elastic_below > 1:
         remedies = {"sticking or collapse='merge'": merges, "tc": has_tc, "elastic_below": has_elastic_below}
         names = " and ".join(name for name, is_given in remedies.items() if is_given)

@@ -85,7 +85,7 @@ def end_after_bounce(run: Record, near: Records, pairs: Records, j: int, w: floa
     before.
     """
     if (near[j].rate == 0.0 and pairs[j].closing_acceleration > 0.0) or (run.stop_pair == APART and all_recede(near)):
-        return QUIET  # the ball rests, or all pairs recede and the run may stop
+        return QUIET  # the ball rests, or all pairs recede and the run can stop
     # run.slow is 2^-16 of the speed scale, so the limit is 2^-200 of the scale.
     if e < 1.0 and -w < math.ldexp(run.slow, -184):
         return TINY

@@ -73,7 +73,7 @@ class PairLaw:
         return float(self.given(xi, xi_dot, xi_max))
 
     def given(self, xi: float, xi_dot: float, xi_max: float) -> Any:
-        """Return the value of the law's `force` as it is, which may not be a number.
+        """Return the value of the law's `force` as it is, which is not always a number.
 
         The parameters are as in `force`.
         """

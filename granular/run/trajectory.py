@@ -220,7 +220,7 @@ class Trajectory(LazyContacts):
         With one wall, its momentum is the momentum change of the balls minus the part of gravity and external forces.
         With two walls, it is computed in the same way for the balls between the wall and the widest gap. The logged
         impulses through that gap are added. The momentum is then nan at samples at which every pair is in contact, and
-        without a log. It is also nan for hard balls that may have stuck to a ceiling. For pendula the momentum is the
+        without a log. It is also nan for hard balls that could have stuck to a ceiling. For pendula the momentum is the
         sum of the logged impulses of the wall, and nan at samples during a contact with it.
         """
         energy, momentum = self.energy(), wall_momentum(self)

@@ -260,5 +260,5 @@ class Adhesive:
 @pytest.mark.parametrize("pull", [1e-6, 1e-3, 1.0])
 def test_a_pull_that_is_cut_to_zero_is_in_the_short_report(pull):
     report = gr.compare(gr.Scene([0.01, 0.01], [1e-3, 1e-3], [1e-3], [1.0, 0.0]), Adhesive(pull))
-    assert warnings(report)[0].endswith(" m; the pull is cut to 0, so neither model has adhesion")
-    assert "the pull is cut to 0" in str(report)
+    assert warnings(report)[0].endswith(" m; the attraction is clipped to 0, so neither model has adhesion")
+    assert "the attraction is clipped to 0" in str(report)

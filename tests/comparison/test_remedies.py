@@ -169,7 +169,7 @@ def test_an_observable_of_ones_own():
 def test_what_the_engine_refuses_says_so():
     rows = gr.compare(*beads(0.5, 0), ties="newton").remedies().rows
     assert [row.status.partition(":")[0] for row in rows] == ["quiet"] * 2 + ["refused"] * 5
-    assert "Use ties='left'" in rows[2].status
+    assert "`ties` must be 'left', 'right' or 'random'" in rows[2].status
 
 
 def test_a_scene_in_which_nothing_collides():

@@ -154,9 +154,8 @@ def test_balls_wedged_between_walls() -> None:
 
 @pytest.mark.parametrize("option", [{"tc": 0.1}, {"elastic_below": 0.1}, {"collapse": "merge"}])
 def test_groups_do_not_go_with_other_remedies(option) -> None:
-    with pytest.raises(ValueError, match="`ties` must not solve groups as a whole if balls stick, or with "
-                                         r"collapse='merge', tc= or elastic_below=, got 'poisson'\. Use "
-                                         r"ties='left'\."):
+    with pytest.raises(ValueError, match="`ties` must be 'left', 'right' or 'random' if balls stick, or with "
+                                         r"collapse='merge', tc= or elastic_below=, got 'poisson'\."):
         edmd.simulate(CRADLE, ConstantRestitution(0.5), ties="poisson", **option)
 
 

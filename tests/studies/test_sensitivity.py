@@ -171,7 +171,7 @@ def test_a_function_of_ones_own_and_how_it_is_shown():
 def test_mistakes_are_one_sentence_each():
     for given, kind, sentence in [
         ({"results": "contacts"}, ValueError, "`results` must be continuous outcomes, got 'contacts', an integer, "
-         "which has no derivative. Where the number of contacts changes is found by granular.sweep(..., refine=)."),
+         "which has no derivative. To find where the number of contacts changes, use granular.sweep(..., refine=)."),
         ({"results": []}, ValueError, "`results` must be a name such as 'v_rel', or several, got an empty list."),
         ({"results": "v_rel[7]"}, ValueError, "`results` must be one of v_rel[0], v_rel[1], v_rel, got 'v_rel[7]'"),
         ({"results": "speed"}, ValueError, "`results` must be a known name, got 'speed'. Known names: contacts, "),

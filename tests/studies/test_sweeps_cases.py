@@ -110,7 +110,7 @@ def test_a_sweep_of_a_case_names_it_and_goes_on_only_with_itself(mine, tmp_path)
     gr.sweep(case, "gap[1]=1e-4,2e-4", "contacts", save=file, on_progress=lambda *so_far: again.append(so_far))
     assert not again
     other = gr.Case(case.scene.replace(gravity=9.8), case.law, case.rule, case.until)
-    with pytest.raises(ValueError, match=r"must be a new file or one of the same sweep, got .* of another sweep"):
+    with pytest.raises(ValueError, match=r"must be a new file or a file of the same sweep, got .* of another sweep"):
         gr.sweep(other, "gap[1]=1e-4,2e-4", "contacts", save=file)
     with ProcessPoolExecutor(2) as pool:
         assert data.identical(gr.sweep(case, "gap[1]=1e-4,2e-4", "contacts", executor=pool))

@@ -37,7 +37,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     assert data.identical(gr.sweep("three-balls", over))
     stored = xr.load_dataset(file)
     assert all(np.array_equal(stored[name].values, data[name].values, equal_nan=True) for name in data)
-    with pytest.raises(ValueError, match=r"must be a new file or one of the same sweep, got .* of another sweep"):
+    with pytest.raises(ValueError, match=r"must be a new file or a file of the same sweep, got .* of another sweep"):
         gr.sweep("three-balls", over, save=file, height=0.7)
 
 
@@ -70,17 +70,17 @@ def test_a_map_whose_file_was_changed_is_refused_in_a_sentence(tmp_path):
     data = gr.sweep("three-balls", over, save=file, results=["v_rel"]).load()
     for other, sentence in [
         (data.drop_vars("v_rel"),
-            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a fitting v_rel\. Remove "
+            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a matching v_rel\. Remove "
             r"the file\."),
         (data.assign(v_rel=data["v_rel"].astype(str)),
-            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a fitting v_rel\. Remove "
+            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a matching v_rel\. Remove "
             r"the file\."),
         (data.assign(v_rel=data["v_rel"].mean("restitution")),
-            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a fitting v_rel\. Remove "
+            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a matching v_rel\. Remove "
             r"the file\."),
         (data.assign(status=data["status"] + 50),
             "`save` must be a file whose status is one of not_run, time, until, quiet, resting, collapse, "
-            r"disturbed, max_events, unstable, broken, bounded, misuse, got '.*map\.nc' with others\. Remove the "
+            r"disturbed, max_events, unstable, broken, bounded, misuse, got '.*map\.nc' with other values\. Remove the "
             r"file\."),
         (data.assign_attrs(provenance="[["), r"The format of .*map\.nc must be an integer from 1 to 3, got None\. "
                                              "The file is damaged"),

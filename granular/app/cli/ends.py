@@ -13,7 +13,7 @@ END_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIG
 REPEAT_AFTER_SECONDS = 0.2
 """Time in s after which the signal is repeated.
 
-An exception raised inside a callback of a library, such as a compiler, may be lost.
+An exception raised inside a callback of a library, such as a compiler, can be lost.
 """
 
 

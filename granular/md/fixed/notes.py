@@ -46,7 +46,7 @@ It describes a contact with its onset and its end, each as a step number and a f
 def ring_index(i: int, ring: int) -> int:
     """Return index `i` reduced to 1 … `ring` on a ring, else `i` itself.
 
-    `i` may exceed this range by at most one revolution.
+    `i` can exceed this range by at most one revolution.
     """
     return i if not RING or 1 <= i <= ring else i - ring if i > ring else i + ring
 

@@ -170,7 +170,7 @@ def reason_to_return(s: Any, limit: float) -> int:
     # an event writes at most two rows: walls at both ends of an island can act simultaneously
     if run.rows + 2 > len(s.log):
         return MORE
-    # a pair in free flight may have to join an island at its event
+    # a pair in free flight can have to join an island at its event
     if s.pairs[queue[1].key].slot < 0 and run.members + SPARE_PLACES >= len(s.pool):
         return CRAMPED
     return DONE

@@ -270,7 +270,7 @@ def make_dormant(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
                 or ((c + 1 < hi or closed) and needs_series(pool[pairs[wrapped_number(pairs, c + 1)].slot]))
             ):
                 c = wrapped_number(pairs, c)
-                # a pair that gravity separates may open again without a contact (`correct_modes`)
+                # a pair that gravity separates can open again without a contact (`correct_modes`)
                 if is_awaited(run, pairs, c) and pair.pull >= 0.0:
                     return STOP_AWAITED
                 begin_contact(run, pairs, pool, bodies, c)

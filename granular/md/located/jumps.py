@@ -88,7 +88,7 @@ def throw_ball_back(s: Any, c: int) -> float:
 def pass_edge(walls: Any, s: Any, laws: Any) -> int:
     """Update the current island at the end of a panel of a wall path.
 
-    The velocity of the wall may jump there. Returns SAME, CHANGED if the blocks have to be formed again, or ENDS if the
+    The velocity of the wall can jump there. Returns SAME, CHANGED if the blocks have to be formed again, or ENDS if the
     run has to stop before a contact.
     """
     run, pairs, pool, needs_next_piece = s.run[0], s.pairs, s.pool, False

@@ -77,10 +77,10 @@ class Pace:
     def advance_portion(self, limit: float, last: bool) -> int:
         """Advance the run by a portion of pieces, up to the time `limit` at most.
 
-        `limit` is in s since the start of the run. Blocks that may rest or creep are tested. Returns the return code of
-        `blocks.advance`. If the work limit is reached and another event is due within the run, the run ends before the
-        sample at `limit`. The `last` sample is an exception. A run that is to stop once all balls separate does not
-        reach its work limit if they already recede: it meets its stop condition.
+        `limit` is in s since the start of the run. Blocks that are possibly at rest or creeping are tested. Returns the
+        return code of `blocks.advance`. If the work limit is reached and another event is due within the run, the run
+        ends before the sample at `limit`. The `last` sample is an exception. A run that is to stop once all balls
+        separate does not reach its work limit if they already recede: it meets its stop condition.
         """
         run = self.run
         largest_chunk = (

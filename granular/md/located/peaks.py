@@ -11,7 +11,7 @@ from granular.md.located.pieces import power, value
 from granular.md.located.records import DAMPED, ELASTIC, SERIES_ORDER
 
 OPPOSED_SLOPE_SHARE = 0.999
-"""Fraction of the first slope of a polynomial that the other slopes may cancel.
+"""Fraction of the first slope of a polynomial that the other slopes can cancel.
 
 The rest of the first slope covers the rounding errors of the other slopes."""
 

@@ -50,7 +50,7 @@ NOTHING is the end of a piece without an event. EDGE is the end of a panel of th
 
 In this order: time limit, chunk done or log full, stop condition, no event can follow, work limit, every ball rests
 permanently, every ball is bound in contact permanently, pool full. The last three request work outside the event loop:
-a table of contacts, a contact integrated alone, or a test of a block that may rest or creep."""
+a table of contacts, a contact integrated alone, or a test of a block for rest or creep."""
 EXTEND, DONE, BY_PIECES, GOES_ON = 11, 12, 13, 14
 """Further return codes inside `blocks.advance`.
 

@@ -268,7 +268,7 @@ def coefficient_growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> f
             log_growth = max(log_growth, row_growth(pair.x, 1, SERIES_ORDER - q, q, pair.x[q]))
         elif is_curved(pair) and 0.0 < pair.x[0] < SHALLOW_OVERLAP * pair.own_length:
             # Then the omitted products of orders in F = k ξ^p are negligible. A pair that reverses at
-            # ξ = 0 and η = 0 continues with ξ ∝ τ² and a force ∝ τ^(2p), which may affect no computed order.
+            # ξ = 0 and η = 0 continues with ξ ∝ τ² and a force ∝ τ^(2p), which must not affect any computed order.
             log_growth = max(log_growth, row_growth(pair.x, 1, SERIES_ORDER, 0, pair.own_length))
         examine_bracket = pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0
         if pair.mode == RESIDUAL and pair.s != 1.0:

@@ -3,7 +3,7 @@
 A pair at a driven wall closes at the acceleration pull + m'', where m is the displacement of the wall towards the
 balls. In free flight the pair follows the exact path of the wall, and its next touch is certified
 (`granular.scene.walls.hits`). In an island, the power series of m'' is added to the acceleration of the overlap. A
-piece ends at the latest at the end of a panel of the path, the event EDGE, where the velocity of the wall may jump.
+piece ends at the latest at the end of a panel of the path, the event EDGE, where the velocity of the wall can jump.
 Paths are evaluated at start + t + tail with the run's own clock t + tail, so that a late start costs no digits.
 
 `pair.wall` is the number of the wall, from 1 onwards, or 0 for other pairs. Scenes without driven walls use kernels

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 RequestedResult = str | Callable[[Case], float]
 CLASS_PLACE_PATTERN = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
-"""Pattern of full class names in old files. The modules may have been renamed."""
+"""Pattern of full class names in old files. The modules could have been renamed since."""
 
 
 @dataclass(frozen=True)
@@ -331,11 +331,11 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
         files.check_format(name, _format(notes))
         text, user_code = question(plan)
         if user_code and plan.version is None:
-            raise ValueError(f"`save` must be a new file, got {name!r}, and {user_code[0]!r} may have changed since. "
+            raise ValueError(f"`save` must be a new file, got {name!r}, and {user_code[0]!r} could have changed since. "
                              "Give a key= that changes with your code, give another name, or remove the file.")
         if saved_text != text or not all(_same(saved, axis, array) for axis, array in over.items()):
-            raise ValueError(f"`save` must be a new file or one of the same sweep, got {name!r} of another sweep. Give "
-                             "another name, or remove the file.")
+            raise ValueError(f"`save` must be a new file or a file of the same sweep, got {name!r} of another sweep. "
+                             "Give another name, or remove the file.")
         shape = tuple(map(len, over.values()))
         columns = {column: _column(saved, column, shape, plan, name) for column in ("status", *plan.results)}
         return columns, {"refusal": files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
@@ -369,12 +369,12 @@ def _column(saved: Any, name: str, shape: tuple[int, ...], plan: Plan, path: str
     is_valid = (variable is not None and variable.dtype.kind == ("i" if is_integer else "f")
                 and variable.nbytes <= os.path.getsize(path))
     if not is_valid or variable.shape[: len(shape)] != shape or variable.ndim != len(shape) + has_dimension:
-        raise ValueError(f"`save` must be a file of a sweep of shape {shape}, got {path!r} without a fitting {name}. "
+        raise ValueError(f"`save` must be a file of a sweep of shape {shape}, got {path!r} without a matching {name}. "
                          "Remove the file.")
     values = variable.values
     if result is None and not np.isin(values, list(STATUS_NAMES)).all():
         raise ValueError(
             f"`save` must be a file whose status is one of {', '.join(STATUS_NAMES.values())}, got {path!r} "
-            "with others. Remove the file."
+            "with other values. Remove the file."
         )
     return values.reshape(math.prod(shape), *values.shape[len(shape):])

@@ -72,7 +72,8 @@ def sweep(
         ``law[0].k``, ``t_end``. ``gap`` is the gap of all pairs of balls. ``restitution`` is the restitution of all
         laws (at constant stiffness) and of the rule.
     results : names, or functions of the case that return a number
-        Results of every cell in addition to its `status`, see `granular.studies.sweeps.results.RESULTS`.
+        Results of every cell in addition to its `status`, such as contacts, v_rel, v_final, time, error or answer.
+        `granular.studies.sweeps.results.RESULTS` has all names.
     run : mapping, optional
         Options of ``simulate``, such as ``{"engine": "plain"}``. Without such options, and for laws that are powers of
         the overlap, cells run compiled in one call per batch.

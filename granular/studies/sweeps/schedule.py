@@ -193,7 +193,7 @@ def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Ba
         answers = solve(plan, [column[cells[part]] for column in columns])
         seconds = time.process_time() - begin
         yield cells[part], answers
-    return np.delete(cells, chosen), max(seconds, 1e-5) / max(1, len(chosen) - 1)  # a clock may stand still for a tick
+    return np.delete(cells, chosen), max(seconds, 1e-5) / max(1, len(chosen) - 1)  # a clock can stand still for a tick
 
 
 class Start(NamedTuple):

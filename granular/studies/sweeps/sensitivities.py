@@ -141,7 +141,7 @@ def _planned(scene: SceneLike, requested: Sequence[RequestedResult], fixed: Mapp
     plan = make_plan(scene, {}, tuple(results.values()), fixed)
     for name in [name for name, result in plan.results.items() if isinstance(result.fill, int)]:
         raise ValueError(f"`results` must be continuous outcomes, got {name!r}, an integer, which has no derivative. "
-                         "Where the number of contacts changes is found by granular.sweep(..., refine=).")
+                         "To find where the number of contacts changes, use granular.sweep(..., refine=).")
     return replace(plan, asked=(*plan.asked, "order"), at_once=False)
 
 

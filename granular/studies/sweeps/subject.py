@@ -208,7 +208,7 @@ def subject_of(scene: SceneLike) -> Subject:
     name = check.choice("scene", case, cases.names())
     options = cases.options(name)
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
-    # cells of different laws may share the scene
+    # cells of different laws can share the scene
     ready_name = "" if ready.couples_scene_and_contacts(name) else name
     return Subject(
         title=name, root=_lists(options), make=partial(_call, partial(cases.make, name)), about=about, text=name,

@@ -4,7 +4,7 @@ A contact that was solved as one event has no state between its onset and its en
 contact is integrated again from its onset, while its neighbours stay in free flight. There are three uses:
 
 * a sample during the contact (`request_state`, `write_integrated_state`)
-* an event of a neighbouring pair that may disturb the contact (`restart_contact`, `join_current_event`)
+* an event of a neighbouring pair that can disturb the contact (`restart_contact`, `join_current_event`)
 * the contact map of a law without a closed form (`tables`)
 
 `request_integration` starts the integration, and `plan.follow_contact` performs it.
@@ -203,7 +203,7 @@ def restart_contact(s: Any, c: int, t: float, tail: float) -> None:
 def join_current_event(s: Any, c: int) -> None:
     """Let a contact that was solved as one event take part in the current event.
 
-    The event may disturb the contact of pair `c`, which has been integrated up to now after `restart_contact`. Balls,
+    The event can disturb the contact of pair `c`, which has been integrated up to now after `restart_contact`. Balls,
     flanks, contact log and energy balance contained the result of the whole contact. They are set to the current state.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]

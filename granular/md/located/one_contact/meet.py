@@ -72,7 +72,7 @@ def solve_as_one_event(s: Any, c: int) -> int:
     -------
     int
         DONE if the contact has been solved. WANTS_TABLE or WANTS_CONTACT if its map is still to be computed. BY_PIECES
-        if the contact has to be integrated by pieces: without a map, or if a neighbour may disturb it. If the run
+        if the contact has to be integrated by pieces: without a map, or if a neighbour can disturb it. If the run
         ignores disturbances, a disturbed contact is solved too, unless a flank is not in free flight.
     """
     run, pairs, pair = s.run[0], s.pairs, s.pairs[c]

@@ -10,8 +10,8 @@ With given forces,
 is an equation of first order, whose series has steps as long as the time scale of creep. Its rates give the
 accelerations a and thus the next forces. Each iteration reduces the error by the ratio of both time scales.
 
-`examine_island` tests an island that may be at rest. It returns whether rest is proved, and computes the piece of an
-island that lies still or creeps. The event loop stops for this test (`WANTS_REST_TEST`), so that this module is
+`examine_island` tests an island that is possibly at rest. It returns whether rest is proved, and computes the piece of
+an island that lies still or creeps. The event loop stops for this test (`WANTS_REST_TEST`), so that this module is
 compiled only when it is needed.
 """
 

@@ -3,7 +3,7 @@
 The event loop first calls the cheap tests `may_rest` and `may_creep`. They never exclude an island that could be proved
 to rest or to creep. The proofs are needed rarely, and are compiled only then.
 
-Every ball must be in a group whose contacts never end (`equilibrium`), or in free flight, and no gap may ever close.
+Every ball must be in a group whose contacts never end (`equilibrium`), or in free flight, and no gap can ever close.
 The balls of a group never move beyond its *hull*: its outermost surface for overlaps of 0, as seen from its wall or its
 mass centre. Wall and mass centre have a constant acceleration, like a ball in flight, so the gap between two hulls is a
 parabola.
