@@ -42,7 +42,9 @@ if TYPE_CHECKING:
 
 RequestedResult = str | Callable[[Case], float]
 CLASS_PLACE_PATTERN = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
-"""Pattern of full class names in old files. The modules could have been renamed since."""
+"""Pattern of full class names in old files.
+
+Their modules can have other names today."""
 
 
 @dataclass(frozen=True)
