@@ -314,5 +314,7 @@ def against_bounces(report: Any, times: Any, heights: Any, ball: int) -> Bounces
     best = min(misfits, key=misfits.__getitem__)
     offset = best if misfits[best] < 0.5 * misfits[0.0] else 0.0
     hits = [np.pad(each, (0, len(recorded) - len(each)), constant_values=math.nan) for each in onsets]
-    rises = [[apexes(report, engine, [body], k + 1)[0, 1] for k in range(len(tops))] for engine in ENGINES]
+    # only the lowest ball surely flies between two bounces; another ball can fly during several
+    rises = [[apexes(report, engine, [body], k + 1, before_next=body == 1)[0, 1] for k in range(len(tops))]
+             for engine in ENGINES]
     return Bounces(report, offset, np.array([recorded - offset, *hits]), np.array([tops, *rises]))

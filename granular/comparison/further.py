@@ -5,8 +5,9 @@ is exchanged while balls 1 and 2 touch each other.
 
 The apex of a ball is the first highest point of a flight that it reaches before its next contact. With a bounce number
 above 1, only flights after that contact with the floor count. If the run stops before the apex, it is continued, with
-all further collisions. A ball that comes to rest first has the height 0. (granular/app/page/physics/apex.mjs has the
-same definition.)
+all further collisions. A run with fixed steps is repeated with a later end instead. A ball that comes to rest first has
+the height 0, and a ball that hits a ceiling first has no apex. (granular/app/page/physics/apex.mjs has the same
+definition, for scenes without a ceiling.)
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,11 @@ MAX_EVENTS_PER_RUN = 3000
 """Limit on the events of each run."""
 MAX_STEPS_PER_RUN = 10 * MAX_EVENTS_PER_RUN
 """Limit on the steps of each soft run. A pile that settles has few events."""
-Flight = tuple[float, float, float]
+MAX_FIXED_STEPS = 10 * MAX_STEPS_PER_RUN
+"""Limit on the additional steps of a run with fixed steps, about 2 s if interpreted.
+
+A ball at rest needs many steps."""
+Flight = tuple[float, float, float, int]
 
 
 def roots(function: Callable[[float], float], grid: check.Array, scale: float) -> tuple[float, ...]:
@@ -100,7 +104,8 @@ def repeat_with_samples(report: Any, engine: str, times: check.Array, further: b
 class Continuation:
     """Continuation of the hard or the soft run of a comparison beyond its end.
 
-    In the continuation, hard spheres that collide slowly stick together.
+    In the continuation, hard spheres that collide slowly stick together. A soft run with fixed steps has no checkpoint.
+    It is repeated with the same steps and a later end.
 
     Parameters
     ----------
@@ -111,16 +116,30 @@ class Continuation:
     report: Any
     engine: str
 
-    @cached_property
+    @property
     def before(self) -> Trajectory:
-        """The original run. A soft run without a checkpoint is repeated to get one."""
+        """The original run."""
         run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
-        return run if self.engine == "hard" or "origin" in run.state else md.simulate(
-            run.scene, run.law, t_end=float(run.time[-1]), max_events=MAX_EVENTS_PER_RUN, max_steps=MAX_STEPS_PER_RUN)
+        return run
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the run is repeated from its start, because it has no checkpoint."""
+        return self.engine == "soft" and "origin" not in self.before.state
+
+    def contacts(self, later: Trajectory) -> Any:
+        """Contacts from the start of the original run to the end of `later`, a result of `run`."""
+        log = self.before.contacts
+        return later.contacts if self.repeats else np.concatenate([log[~np.isnan(log["t_end"])], later.contacts])
 
     def run(self, t_end: float, samples: check.Array | None = None) -> Trajectory:
         """Continue the run up to `t_end` in s, with `samples` at the given times."""
         run, start = self.before, float(self.before.time[-1])
+        if self.repeats:
+            return md.simulate(
+                run.scene, run.law, t_start=float(run.time[0]), t_end=t_end, samples=samples,
+                max_events=len(run.contacts) + MAX_EVENTS_PER_RUN,
+                max_steps=run.stats.get("steps", 0) + MAX_FIXED_STEPS, **self.report.soft_options)
         if self.engine == "soft":
             return md.resume(
                 run, t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN, max_steps=MAX_STEPS_PER_RUN
@@ -164,15 +183,19 @@ class Rises(tuple[float, float]):
 
 def rises(report: Any, bounce: int = 1) -> Rises:
     """Heights to which the top ball rises after floor contact number `bounce`."""
-    heights = Rises(float(apexes(report, engine, [report.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
+    top = int(np.flatnonzero(~report.scene.is_wall)[-1])
+    heights = Rises(float(apexes(report, engine, [top], bounce)[0, 1]) for engine in ("hard", "soft"))
     heights.report = report
     return heights
 
 
-def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> check.Array:
+def apexes(
+    report: Any, engine: str, bodies: Sequence[int], bounce: int = 1, before_next: bool = False
+) -> check.Array:
     """Time in s and height in m of the apex of each body after a bounce, (count, 2).
 
-    A ball that comes to rest has the time nan and the height 0. Both are nan if the apex cannot be determined.
+    A ball that comes to rest has the time nan and the height 0. Both are nan if the apex cannot be determined, or if
+    there is none.
 
     Parameters
     ----------
@@ -180,6 +203,8 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
         "hard" or "soft".
     bounce : int
         Number of the contact with the floor after which the apex is searched. 1 includes apexes before this contact.
+    before_next : bool
+        Whether the flight to the apex must begin before the next contact with the floor. Defaults to False.
     """
     scene, continuation, options = report.scene, Continuation(report, engine), report.hard_options
     result = np.full((len(bodies), 2), math.nan)
@@ -187,31 +212,35 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     not_continuable = engine == "hard" and (TIE_ORDERS[options["ties"]] == GROUP
                                           or options["tc"] > 0.0 or options["elastic_below"] > 0.0)
     if (report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity
-            or not_continuable):
+            or not scene.is_wall[0] or not_continuable):
         return result
-    original = report.hard if engine == "hard" else report.soft
+    original = continuation.before
     if list(bodies) == [scene.n - 1] and (known := _apex_of_last_flight(original, bounce)):
         return np.array([known])
+
+    def times_in(log: Any) -> list[float]:
+        return [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce, before_next) for body in bodies]
+
     fall, apex_times = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), result[:, 0]
-    first, start = continuation.before.contacts, float(continuation.before.time[-1])
-    first = first[~np.isnan(first["t_end"])]
-    undisturbed = np.max([_apex(scene, first, body, bounce) for body in bodies if not scene.is_wall[body]], initial=0.0)
+    start = float(original.time[-1])
+    undisturbed = max(times_in(original.contacts[~np.isnan(original.contacts["t_end"])]), default=0.0)
     durations = fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), MAX_FALL_TIMES)
     if 0.0 < undisturbed - start < durations[-1]:  # False for nan
         durations = np.append(undisturbed - start, durations[durations > undisturbed - start])
     for duration in durations:
         end = float(np.fmin(start + duration, apex_times.max()))
         run = continuation.run(end)
-        log = np.concatenate([first, run.contacts])
-        apex_times[:] = [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce) for body in bodies]
+        apex_times[:] = times_in(continuation.contacts(run))
         # the apexes lie within the run, or nothing can follow
         is_at_rest = not (run.gap[-1].any() or run.velocity[-1].any()) or run.stats.get("resting", False)
-        if is_at_rest or run.status is not Status.time or (apex_times <= end).all():
+        if is_at_rest or run.status is not Status.time or ((apex_times <= end) | np.isinf(apex_times)).all():
             break
+    # a ball that forces press onto another one flies with it, before they come to rest
+    has_none = np.isinf(apex_times) | (scene.closing_acceleration[1:] > 0.0).any()
     apex_times[apex_times > run.time[-1]] = math.nan
     times, index = np.unique(np.nan_to_num(apex_times, nan=start), return_inverse=True)
     tops = np.maximum(0.0, continuation.heights(times, run)[index, list(bodies)])
-    result[:, 1] = np.where(np.isfinite(apex_times), tops, 0.0 if is_at_rest else math.nan)
+    result[:, 1] = np.where(np.isfinite(apex_times), tops, np.where(is_at_rest & ~has_none, 0.0, math.nan))
     return result
 
 
@@ -239,36 +268,49 @@ def _apex_of_last_flight(run: Trajectory, bounce: int) -> tuple[float, float] | 
     return (time, height) if energy_below < 0.9 * float(scene.mass[top - 1]) * scene.gravity * height else None
 
 
-def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
-    """Time in s of the first apex of a body after a bounce, or nan.
+def _apex(scene: Scene, log: Any, body: int, bounce: int, before_next: bool = False) -> float:
+    """Time in s of the first apex of a body after a bounce, nan if it is not in the log, or inf if there is none.
 
-    An apex counts if the ball reaches it before its next contact.
+    An apex is the highest point above a floor of constant velocity. It counts if the ball reaches it before its next
+    contact. A ball that hits a ceiling first, or that forces drive upwards, has none.
 
     Parameters
     ----------
     body, bounce : int
         Number of the body, and number of the contact with the floor.
+    before_next : bool
+        Whether only flights that begin before the next contact with the floor count.
     """
-    floor = np.sort(log["t_begin"][log["pair"] == 0])[bounce - 1 :]
-    since = float(floor.min(initial=math.inf)) if bounce > 1 else -math.inf
-    apex = ((begin + v / scene.gravity, hit) for begin, v, hit in _flights(log, body, since) if v > 0.0)
-    return next((time for time, hit in apex if time <= hit), math.nan)
+    floor = np.append(np.sort(log["t_begin"][log["pair"] == 0]), [math.inf, math.inf])
+    since, until = floor[bounce - 1] if bounce > 1 else -math.inf, floor[bounce] if before_next else math.inf
+    floor_velocity, deceleration = float(scene.velocity[0]), -float(scene.fall[body])
+    for begin, velocity, hit, pair in _flights(log, body, since):
+        speed = velocity - floor_velocity
+        if begin >= until or not deceleration > 0.0:
+            return math.inf
+        if speed > 0.0 and (time := begin + speed / deceleration) <= hit:
+            return time
+        if speed > 0.0 and pair == body and scene.is_wall[body + 1]:
+            return math.inf
+    return math.nan
 
 
 def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
-    """Yield start, initial velocity and end of each free flight of a body.
+    """Yield start, initial velocity and end of each free flight of a body, and the pair that ends it.
 
     The flights are in time order. Flights after contacts that begin before `since` are left out. Times are in s, and
-    the velocity in m/s. The last flight ends at inf.
+    the velocity in m/s. The last flight ends at inf, with pair -1.
     """
     rows = log[(log["pair"] == body) | (log["pair"] == body - 1)]
     rows = rows[np.argsort(rows["t_end"], kind="stable")]
     for k, row in enumerate(rows[~np.isnan(rows["t_end"])]):
         t = float(row["t_end"])
         in_contact = ((rows["t_begin"] < t) & ~(rows["t_end"] <= t)).any()
-        later = rows["t_begin"][k + 1 :][rows["t_begin"][k + 1 :] >= t]
+        later = rows[k + 1 :][rows["t_begin"][k + 1 :] >= t]
+        following = later[int(later["t_begin"].argmin())] if len(later) else None
         if not in_contact and row["t_begin"] >= since:
-            yield t, float(row["v_out"][int(row["pair"] < body)]), float(later.min(initial=math.inf))
+            hit, pair = (math.inf, -1) if following is None else (float(following["t_begin"]), int(following["pair"]))
+            yield t, float(row["v_out"][int(row["pair"] < body)]), hit, pair
 
 
 def floor_share(report: Any) -> float:

@@ -62,6 +62,78 @@ def test_a_rise_goes_with_the_speed_of_the_touch_before_it():
         assert last["v_out"][1] == pytest.approx(math.sqrt(2.0 * report.scene.gravity * rise), rel=0.01)
 
 
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("gap", [1e-4, 1e-2])
+def test_rises_of_fixed_steps_are_those_of_their_steps_wherever_the_run_stops(gap):
+    """Before, a run that stopped before the apex got it from an exact run, 5 % apart."""
+    scene = gr.scenes.three_balls(gap=gap)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    end, fixed = gr.until.contact, {"method": "verlet", "dt": 3e-6}
+    exact = gr.compare(scene, law, until=end(0, 2)).rises[1]
+    rises = [gr.compare(scene, law, until=end(0, nth), **fixed).rises[1] for nth in (1, 2, 3)]
+    assert rises == pytest.approx(rises[:1] * 3, rel=1e-4)
+    assert abs(rises[0] - exact) > 0.01 * exact
+    assert further.apexes(gr.compare(scene, law, until=end(0, 1), **fixed), "soft", [1, 2])[1, 1] == pytest.approx(
+        rises[0], rel=1e-9)
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_ball_that_hits_a_ceiling_first_has_no_apex_after_that_bounce():
+    """Before, the apex of a later bounce was given, and the place of the ceiling as the rise of the top ball."""
+    box = gr.Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [1.0, 0.3], [0.0, -8.0, 0.0], 9.81)
+    law = gr.LinearDashpot.from_restitution(0.8, k=1e6, pair=box.pairs[0])
+    report = gr.compare(box, law, t_end=2.5)
+    assert report.soft.contacts["pair"].tolist() == [0, 1, 0, 1, 0, 0]
+    heights = report.against_bounces(heights=[1.0] * 4).heights
+    assert np.isnan(heights[1:, :2]).all()
+    speeds = np.array([run.of(0)["v_out"][2:4, 1] for run in (report.hard, report.soft)])
+    assert heights[1, 2] == pytest.approx(speeds[0, 0] ** 2 / 19.62)
+    assert heights[2, 2] == pytest.approx(speeds[1, 0] ** 2 / 19.62, rel=1e-3)
+    assert np.isnan([*report.rises, *report.rises(2)]).all()
+    assert report.rises(3) == pytest.approx(heights[1:, 2])
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_the_lowest_ball_has_no_apex_where_the_ball_above_throws_it_back_to_the_floor():
+    """Before, the apex after a later bounce was given for three bounces."""
+    scene = gr.Scene([math.inf, 1.0, 3.0], [0.0, 0.1, 0.1], [1.0, 0.3], [0.0] * 3, 9.81)
+    law = [gr.LinearDashpot.from_restitution(0.8, k=1e7, pair=pair) for pair in scene.pairs]
+    heights = gr.compare(scene, law, t_end=0.9).against_bounces(heights=[0.2] * 3).heights
+    assert np.isnan(heights[1:, :2]).all()
+    assert heights[1:, 2] == pytest.approx([0.223, 0.2175], rel=1e-3)
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_common_velocity_changes_no_rise():
+    """Before, a rise of 1.78 m was 0 m at a common velocity of 8 m/s."""
+    scene = gr.scenes.three_balls(gap=1e-3)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    at_rest, *moving = (gr.compare(scene.replace(velocity=scene.velocity + boost), law, until=gr.until.contact(0, 2))
+                        for boost in (0.0, -3.0, 8.0))
+    for report in moving:
+        assert report.rises == pytest.approx(at_rest.rises, rel=1e-12)
+        assert report.rises(2) == pytest.approx(at_rest.rises(2), rel=1e-12)
+
+
+def test_without_a_floor_no_ball_rises():
+    """Before, the height above the other ball was given."""
+    falling = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.1], [1.0, 0.0], 9.81)
+    assert np.isnan(gr.compare(falling, gr.LinearDashpot(1e7), t_end=1.0).rises).all()
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_rise_under_a_constant_force_is_the_highest_point():
+    """Before, heights were those at the time v/g."""
+    ball = gr.scenes.bouncing_ball(height=1.0).replace(external_force=[0.0, -0.02])
+    law = gr.LinearDashpot.from_restitution(0.8, 1e7, ball.pairs[0])
+    report = gr.compare(ball, law, until=gr.until.contact(0, 2))
+    assert report.rises == pytest.approx((0.64, 0.64), rel=2e-3)
+    two = gr.scenes.three_balls(gap=1e-3).replace(external_force=[0.0, 0.0, -0.02])
+    law = [gr.LinearDashpot.from_restitution(0.3, k=1e4, pair=pair) for pair in two.pairs]
+    assert math.isnan(gr.compare(two, law, until=gr.until.contact(0, 2)).rises[1])  # it flies pressed onto the other
+
+
 def test_balls_that_stick_and_lie_on_the_floor_rise_nothing():
     """Before, it could not be told of hard spheres."""
     scene = gr.scenes.ball_stack(4, 0.85, gap=6.4e-5)
