@@ -183,7 +183,7 @@ def simulate(
     start = check.number("t_start", t_start)
     physics_of = partial(checked, rule=rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
                    elastic_below=elastic_below)
-    check_end(a_scene(scene), t_end, until, max_events, elastic=lambda: physics_of(scene).elastic)
+    check_end(a_scene(scene), t_end, until, max_events, soft=False, elastic=lambda: physics_of(scene).elastic)
     scene = with_fitted_walls(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     physics = physics_of(scene)
     request = checked_request(
@@ -318,7 +318,7 @@ def resume(
     scene = with_fitted_walls(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     check_scene(scene)
     physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in RUN_OPTIONS})
-    check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
+    check_end(scene, t_end, until, max_events, soft=False, elastic=lambda: physics.elastic)
     state = restored_state(physics, saved)
     request = checked_request(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,

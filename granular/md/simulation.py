@@ -78,8 +78,8 @@ def simulate(
         or at one of the limits below. `t_end`, `until` or `max_events` is required in scenes where another contact can
         always follow: with driven or thermal walls, on a ring, and for pendula. This also holds under gravity on a
         floor if all laws are like `WaltonBraun`, because balls then finally bounce elastically, forever. Elastic
-        balls that fall back to a floor or fly between two walls need one of these options or `max_steps`. Walls
-        that approach each other need a `t_end` before they meet.
+        balls that fall back to a floor, that forces press together, or that fly between two walls need one of these
+        options or `max_steps`. Walls that approach each other need a `t_end` before they meet.
     t_start : float
         Time of the initial state in s. Defaults to 0.
     samples : None, int, "contacts" or array of float

@@ -225,7 +225,7 @@ def refuse_levels(until: Until | None, function: str) -> None:
 
 def check_end(
     scene: Scene, t_end: float | None, until: Until | None, max_events: int | None, *,
-    dented: Callable[[], bool] = bool, elastic: Callable[[], bool] = bool,
+    dented: Callable[[], bool] = bool, elastic: Callable[[], bool] = bool, soft: bool = True,
 ) -> None:
     """Raise `ValueError` if a run could be infinite and has no stop condition.
 
@@ -241,13 +241,15 @@ def check_end(
     elastic : callable
         Function that returns whether all pairs are declared to be elastic, and no other option ends such a run. It is
         called only if the run has no stop condition. By default it returns False.
+    soft : bool
+        Whether a run of soft spheres is checked. Defaults to True.
     """
     if t_end is not None or until is not None or max_events is not None:
         return
     kind = "with a driven wall" if scene.driven else "with a thermal wall" if scene.heated else (
         "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
         "under gravity with laws that dissipate only at the largest overlap so far" if dented() else
-        endless_reason(scene) if elastic() else "")
+        endless_reason(scene, soft) if elastic() else "")
     if kind:
         raise ValueError(f"`t_end` must be given, got None. A run {kind} does not end by itself. Give t_end=, until= "
                          "or max_events=.")

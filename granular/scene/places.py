@@ -219,21 +219,29 @@ def invalid_reason(
         f"gaps add up to {gap_sum:.12g} m instead of {expected_sum:.12g} m")
 
 
-def endless_reason(scene: Scene) -> str:
+def endless_reason(scene: Scene, soft: bool) -> str:
     """Return the reason why contacts of elastic balls never end, or "" if unproved.
 
-    The walls must have constant velocities. There are two cases. A ball that accelerates towards the wall next to it
-    returns to the wall after every contact. Between two walls of the same velocity and without forces, the kinetic
-    energy relative to the walls is conserved. The reason is a phrase such as "of elastic balls between walls".
+    The walls must have constant velocities. There are two cases. The gap of a pair accelerates towards contact: it
+    cannot stay open, and elastic balls do not come to rest. Between two walls of the same velocity and without forces,
+    the kinetic energy relative to the walls is conserved. The reason is a phrase such as "of elastic balls between
+    walls".
+
+    Parameters
+    ----------
+    soft : bool
+        Whether the balls are soft spheres. Those that touch at rest sink under their load, and vibrate forever.
     """
     walls, pull, rate = scene.is_wall[[0, -1]], scene.closing_acceleration, scene.across(scene.velocity)
     has_two_walls = bool(walls.all())
     if has_two_walls and scene.velocity[0] > scene.velocity[-1]:
         return ""  # walls that meet end the run
-    for c, wall in zip((0, -1), walls.tolist(), strict=True):
-        moves = scene.gap[c] > 0.0 or (scene.gap[c] == 0.0 and rate[c] != 0.0)
-        if wall and moves and pull[c] > 2.0**-50 * scene.gravity:  # more than the rounding of forces f = m g
-            return "of elastic balls that fall back to a wall"
+    moves = (scene.gap > 0.0) | ((scene.gap == 0.0) & (soft | (rate != 0.0)))
+    # more than the rounding of forces f = m g
+    returns = moves & (pull > 2.0**-50 * max(scene.gravity, float(np.abs(scene.lift).max())))
+    if returns.any():
+        at_wall = (walls[0] and returns[0]) or (walls[1] and returns[-1])
+        return "of elastic balls that " + ("fall back to a wall" if at_wall else "forces press together")
     conserves_energy = has_two_walls and scene.velocity[0] == scene.velocity[-1] and not scene.fall.any()
     # overlaps that walls hold closed can vibrate without ever opening
     return "of elastic balls between walls" if conserves_energy and rate.any() and scene.gap.sum() >= 0.0 else ""

@@ -79,6 +79,45 @@ def test_scenes_that_never_end_are_refused_by_everyone(make, seed):
     assert len(list(zip(range(3), gr.edmd.events(scene, ELASTIC), gr.md.events(scene, law), strict=False))) == 3
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_free_balls_that_forces_press_together_are_refused(seed):
+    """Before, such a pair bounced until a million contacts."""
+    rng = np.random.default_rng([14, seed])
+    scene = at_random(rng, False, False, 9.81 * (seed % 2))
+    acceleration = np.cumsum(-rng.uniform(0.5, 1.0, scene.n)) + rng.normal()
+    scene = scene.replace(external_force=scene.mass * acceleration)
+    for run in (partial(gr.edmd.simulate, scene, ELASTIC), partial(gr.md.simulate, scene, SPRING),
+                partial(gr.compare, scene, SPRING)):
+        with pytest.raises(ValueError, match="elastic balls that forces press together does not end by itself"):
+            run()
+    assert gr.edmd.simulate(scene, ELASTIC, **LIMITED).status is gr.Status.max_events
+    apart = scene.replace(external_force=scene.mass * acceleration[::-1])
+    assert not refused(gr.edmd.simulate, apart, ELASTIC)
+    common = scene.replace(external_force=0.3 * scene.mass)
+    assert not refused(gr.edmd.simulate, common, ELASTIC)
+
+
+@pytest.mark.parametrize("law", [SPRING, gr.Hertz(1e8)])
+def test_soft_elastic_balls_that_touch_at_rest_under_a_load_are_refused(law):
+    """They sink, and vibrate forever without a contact that ends. Before, the run took 20 million steps."""
+    lying = BALL.replace(gap=[0.0])
+    pile = gr.Scene([math.inf, 1.0, 2.0], [0.0, 0.1, 0.1], [0.0, 0.0], [0.0] * 3, 9.81)
+    pressed = gr.Scene([1.0, 2.0], [0.1, 0.1], [0.0], [0.0, 0.0], external_force=[1.0, -1.0])
+    for scene in (lying, pile, pressed):
+        assert refused(gr.md.simulate, scene, law)
+        assert refused(gr.compare, scene, law)
+        assert gr.edmd.simulate(scene, ELASTIC).status is gr.Status.quiet
+
+
+@pytest.mark.parametrize(("law", "depth"), [(gr.Hertz(1e8), (2.5 * 9.81 / 1e8) ** (2.0 / 3.0)),
+                                            (SPRING, 2.0 * 9.81 / 1e7)])
+def test_the_default_step_resolves_the_contact_of_a_ball_that_touches_at_rest(law, depth):
+    """Before, it was 16 s for a Hertz law, and the remedy was a longer one."""
+    run = gr.md.simulate(BALL.replace(gap=[0.0]), law, method="verlet", t_end=0.01, samples=2000)
+    assert run.status is gr.Status.time
+    assert -run.gap.min() == pytest.approx(depth, rel=1e-4)
+
+
 def near_misses(rng):
     """Yield scenes, rules and options that are one step beside a class."""
     falling, boxed = at_random(rng, True, False, 9.81), at_random(rng, True, True)
