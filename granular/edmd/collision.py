@@ -75,12 +75,10 @@ def collide_pair(
         k = len(pairs) - 1 - c  # the neighbour across the seam
         run.clamps += advance_pair(pairs[k], bodies[k], bodies[k + 1], now, walls)
     w = rate_at_touch(pair, lower, upper, walls)
-    e = pair.eps if rule is None else rule(c, abs(w))
+    e = pair.eps if rule is None else rule(c, -w)
     # A call only for scenes with a remedy.
     if run.tc > 0.0 or run.elastic_below > 0.0:
-        e = remedied_restitution(run, pairs, c, abs(w), e, now)
-    if FORCED and w > 0.0:
-        e = -1.0  # the wall jumps away at the touch: no impulse, and the pair separates at w
+        e = remedied_restitution(run, pairs, c, -w, e, now)
     if FORCED and pair.wall >= 0:
         advance_pair(pair, lower, upper, now, walls)  # sets the velocity of the wall at `now`
     if row is not None:
@@ -88,7 +86,7 @@ def collide_pair(
         row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
     # Without a rebound, or with a rebound below the noise, the bodies can stick.
     no_rebound = e * w == 0.0 or (e * w) * (e * w) < lower.noise + upper.noise
-    may_stick = e < 1.0 and w <= 0.0 and (no_rebound or -w < run.merge_below)
+    may_stick = e < 1.0 and (no_rebound or -w < run.merge_below)
     if may_stick and will_stick(pairs, bodies, c, now, w, e, walls):
         first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:

@@ -41,13 +41,19 @@ def rate_of(pair: Record, lower: Record, upper: Record) -> float:
 def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the time of the next hit on the driven wall of a pair, or inf.
 
-    The time in s from `at` to the hit is stored in the field `wait`. A pair between two driven walls has no hit: its
-    bodies meet only when no room is left, and the run ends at that time.
+    The time in s from `at` to the hit is stored in the field `wait`. A touch at which the velocity of the wall jumps
+    away from the ball is no hit: there is no impulse. A pair between two driven walls has no hit: its bodies meet only
+    when no room is left, and the run ends at that time.
     """
     if pair.wall == BOTH:
         return NO_EVENT_TIME
     side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
-    pair.wait = first_hit(side, walls.panels, side.epoch, side.low + pair.at, pair.gap, rate, a, NO_EVENT_TIME)
+    t, tail = side.epoch, side.low + pair.at
+    pair.wait = first_hit(side, walls.panels, t, tail, pair.gap, rate, a, NO_EVENT_TIME)
+    while pair.wait < NO_EVENT_TIME and rate_at_wall(pair, lower, upper, walls) > 0.0:
+        after = pair.wait + time_past_jump(t, abs(tail) + pair.wait)
+        _, opening_rate = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, after)
+        pair.wait = after + first_hit(side, walls.panels, t, tail + after, 0.0, opening_rate, a, NO_EVENT_TIME)
     return pair.at + pair.wait  # type: ignore[no-any-return]
 
 
@@ -68,18 +74,24 @@ def opening(pair: Record, walls: Walls) -> float:
     return time  # type: ignore[no-any-return]
 
 
+@kernel
+def time_past_jump(t: float, tail: float) -> float:
+    """Return a time in s that leads past a jump of the wall velocity near t + tail, despite rounding."""
+    return 2.0**-50 * (abs(t) + abs(tail))
+
+
 @rare
 @kernel
 def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the rate (m/s) of a pair at its next hit on a driven wall.
 
-    It is positive only if the wall's velocity jumps away from the ball at the hit.
+    It is positive only if the wall's velocity jumps away from the ball, which `next_wall_hit` excludes.
     """
     side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
     t, tail = side.epoch, side.low + pair.at
     _, w = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait)
     if w >= 0.0 and pair.wait > 0.0:  # The wall velocity jumps at the hit: take the rate just after the jump.
-        _, w = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
+        _, w = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait + time_past_jump(t, tail))
         if w > 0.0 and w * w > lower.noise + upper.noise:
             return w
     if w >= 0.0 and pair.gap == 0.0:

@@ -141,7 +141,22 @@ def test_a_wall_that_leaves_pulls_no_ball_under_any_remedy(up):
                 for engine in ("sorted", "compiled")]
         assert len({(each.velocity.tobytes(), each.contacts.tobytes()) for each in runs}) == 1
         assert runs[0].velocity[-1][flip][1] == sign * speed
-        assert not runs[0].contacts["impulse"].any()
+        assert len(runs[0].contacts) == 0
+        stopped = gr.edmd.simulate(scene, gr.ConstantRestitution(0.5), t_end=arrives + 1.0, **remedy,
+                                   until=gr.until.contact(scene.n_pairs - 1 if up else 0, 1))
+        assert stopped.status is gr.Status.time
+
+
+def test_a_ball_hits_a_wall_that_left_it_when_the_wall_returns():
+    """Before, the touch at 1 s was contact 1 for `until`, and a row without an impulse."""
+    path = Piecewise([0.0, 1.0, 2.0, 9.0], [[0.0, 3.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, 0.0]])
+    scene = gr.Scene([INF, 1.0, 2.0], [0.0] * 3, [1.0, 50.0], [0.0, -1.0, 0.0], floor=path)
+    log = run(scene, 0.5, t_end=8.0).contacts
+    returns = 1.0 + (3.0 - 1.0) / 3.0  # -3 s + 3 s² = -s
+    assert log["t_begin"] == pytest.approx([returns], rel=1e-14)
+    assert log["v_in"][0] == pytest.approx([-3.0 + 6.0 * (returns - 1.0), -1.0], rel=1e-13)
+    assert run(scene, 0.5, t_end=8.0, until=gr.until.contact(0, 1)).time[-1] == pytest.approx(returns, rel=1e-14)
+    assert gr.md.simulate(scene, gr.LinearDashpot(1e12), t_end=8.0).contacts["t_begin"] == pytest.approx([returns])
 
 
 def test_what_rides_on_a_driven_floor_meets_a_driven_ceiling_when_there_is_no_room():
