@@ -135,7 +135,7 @@ def remedies_table(
         error = math.nan if run.status is Status.max_events else float(errors.max(initial=0.0))
         return Remedy(name, setting, float(measure(run)), error, len(run.contacts), run.status.name)
 
-    newton = Remedy("Newton, soft spheres", 0.0, float(measure(soft)), 0.0, len(soft.contacts), soft.status.name)
+    newton = Remedy("soft spheres", 0.0, float(measure(soft)), 0.0, len(soft.contacts), soft.status.name)
     hard, tolerance = row("hard spheres"), ERROR_LIMIT * (1.0 if observable is None else abs(newton.value))
     rows = [hard, row("merge", merge, collapse="merge", merge_below=merge), row("TC model", tc, tc=tc),
             row("elastic cut-off", elastic, elastic_below=elastic), row("sticky", rule=ConstantRestitution(0.0))]

@@ -54,6 +54,7 @@ def test_rows_are_runs_with_one_option_each(mean):
     unit = max(fastest, float((runs[0].contacts["v_in"][:, 0] - runs[0].contacts["v_in"][:, 1]).max()))
     balls = np.abs(ends - ends[0]).max(axis=1) / unit
     assert table.rows[0].error == 0.0
+    assert [row.name for row in table.rows[:2]] == ["soft spheres", "hard spheres"]
     assert all(row.error >= off - 1e-12 for row, off in zip(table.rows[:6], balls.tolist(), strict=True))
     assert table.rows[1].error == gr.compare(scene, law).error
 
