@@ -5,7 +5,6 @@ Support modules: `contacts`, `ends`, `installation`, `one_scene`, `output`, `pag
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import traceback
@@ -55,7 +54,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             print("granular: interrupted", file=sys.stderr)
         return EXIT_SIGNAL + getattr(interrupt, "number", SIGINT)
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has closed it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        from granular.app.cli.output import discard_output
+
+        discard_output(sys.stdout)
         return EXIT_OK
     except Exception as error:
         if not (isinstance(error, EXPECTED_ERRORS) or hasattr(error, "raised_by")):  # raised by a function of the user

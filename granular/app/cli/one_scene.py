@@ -90,7 +90,7 @@ class Run(Command):
         options = parsed.run_options | ({"watch": case.physics("md")} if parsed.watch else {}) | (
             {"log": parsed.log} if parsed.log else {})
         trajectory = case.simulate(parsed.engine, **options, progress=True)
-        print(output.wrap_text(summary(case, with_log(trajectory))))
+        output.print_text(summary(case, with_log(trajectory)))
         if parsed.save is not None:
             trajectory.save(parsed.save)
         return [trajectory]
@@ -120,10 +120,13 @@ class Compare(Command):
         report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
         output.write_report(report, parsed)
         ends, size = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
-        if parsed.verbose and 0 < size <= MAX_SENSITIVITY_SIZE and not np.isnan(ends).any():
+        # a sensitivity is that of the located method at the end of the scene's own case
+        same_run = parsed.until is None and "max_events" not in parsed.run_options and (
+            options.get("dt") is None and options.get("method") in (None, "located"))
+        if parsed.verbose and same_run and 0 < size <= MAX_SENSITIVITY_SIZE and not np.isnan(ends).any():
             end = {"t_end": options["t_end"]} if options.get("t_end") else {}
-            print(output.wrap_text(gr.sensitivity(parsed.target, **parsed.scene_options | end).line),
-                  file=output.text_stream(parsed))
+            output.print_text(gr.sensitivity(parsed.target, **parsed.scene_options | end).line,
+                              output.text_stream(parsed))
         return [report.soft, report.hard]
 
 

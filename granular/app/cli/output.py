@@ -100,13 +100,29 @@ def write_report(report: Any, parsed: argparse.Namespace) -> None:
     """
     text = report.details() if getattr(parsed, "verbose", False) else report
     remedies = f"\n\n{report.remedies()}" if getattr(parsed, "remedies", False) else ""
-    print(wrap_text(f"{text}{remedies}"), file=text_stream(parsed))
+    print_text(f"{text}{remedies}", text_stream(parsed))
     if getattr(parsed, "plot", None) is not None:
         report.plot(parsed.plot)
     if getattr(parsed, "film", None) is not None:
         report.animate(parsed.film)
     if parsed.json is not None:
         report.to_json(parsed.json)
+
+
+def print_text(text: str, stream: Any = None) -> None:
+    """Print text within the width of the terminal, by default to standard output.
+
+    A reader that closes its pipe early, such as `head`, does not end the command: it still writes its files.
+    """
+    try:
+        print(wrap_text(text), file=stream, flush=True)
+    except BrokenPipeError:
+        discard_output(sys.stdout if stream is None else stream)
+
+
+def discard_output(stream: Any) -> None:
+    """Redirect a stream whose pipe is closed to the null device."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def text_stream(parsed: argparse.Namespace) -> Any:
