@@ -232,7 +232,7 @@ def apexes(
         run = continuation.run(end)
         apex_times[:] = times_in(continuation.contacts(run))
         # the apexes lie within the run, or nothing can follow
-        is_at_rest = not (run.gap[-1].any() or run.velocity[-1].any()) or run.stats.get("resting", False)
+        is_at_rest = not (run.gap[-1].any() or np.ptp(run.velocity[-1])) or run.stats.get("resting", False)
         if is_at_rest or run.status is not Status.time or ((apex_times <= end) | np.isinf(apex_times)).all():
             break
     # a ball that forces press onto another one flies with it, before they come to rest

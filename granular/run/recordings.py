@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 from collections.abc import Sequence
@@ -70,10 +71,7 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
         do not increase.
     """
     name, data = repr(files.checked_source("path", path)), Path(path).read_bytes()
-    text = data.decode("utf-8-sig", "replace")
-    if "\N{REPLACEMENT CHARACTER}" in text:  # spreadsheets also write the encoding of Western Europe
-        text = data.decode("cp1252", "replace")
-    lines = [line for line in text.splitlines() if line.strip(' \t;,"')]
+    lines = [line for line in _decoded(data).splitlines() if line.strip(' \t;,"')]
     is_numeric = [bool(NUMBERS.fullmatch(line)) for line in lines]
     start = is_numeric.index(True) if any(is_numeric) else 0
     if start == 0 or not all(is_numeric[start:]):
@@ -84,7 +82,8 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
         if line.count('"') % 2:
             raise ValueError(f"File {name} must have pairs of quotation marks in each line, got {line!r}.")
     separator = next((s for s in "\t;," if s in lines[start - 1]), "\t")
-    header, *rows = csv.reader([lines[start - 1].rstrip(separator), *lines[start:]], delimiter=separator)
+    header, *rows = csv.reader([lines[start - 1].lstrip("# ").rstrip(separator), *lines[start:]], delimiter=separator)
+    _check_header(name, header, lines[start - 1], lines[start - 2].split(separator) if start > 1 else [])
     titles, *units = zip(*[NAME_AND_UNIT.findall(cell)[0] for cell in header], strict=True)
     check.raise_if_true({
         f"File {name} has the same name {titles} for several columns. Rename them.": len(set(titles)) < len(titles),
@@ -109,6 +108,32 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
             check.every(title, found[title], np.diff(found[title], prepend=-np.inf) > 0.0,
                         "a time in s after the one in the row before it", "Sort the rows by time.")
     return found
+
+
+def _decoded(data: bytes) -> str:
+    """Return the text of a file in UTF-8, in UTF-16 with a mark, or in the encoding of Western Europe.
+
+    Spreadsheets write all of them. A typographic minus becomes a hyphen.
+    """
+    if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        text = data.decode("utf-16", "replace")
+    else:
+        text = data.decode("utf-8-sig", "replace")
+        if "\N{REPLACEMENT CHARACTER}" in text:
+            text = data.decode("cp1252", "replace")
+    return text.replace("\N{MINUS SIGN}", "-")
+
+
+def _check_header(name: str, header: list[str], line: str, above: list[str]) -> None:
+    """Raise `ValueError` if the header is a row of numbers with an unreadable cell, or a row of units.
+
+    `name` is the file, `line` the line of the header, and `above` are the cells of the line above it.
+    """
+    if any(NUMBERS.fullmatch(cell) for cell in header):
+        raise ValueError(f"File {name} must have numbers only below the names of its columns, got {line!r}.")
+    if len(above) == len(header) > 1 and all(cell.strip(" ()[]") in SI_FACTORS for cell in header):
+        raise ValueError(f"File {name} must have each unit in the line of names, such as 't (s)', got a separate line "
+                         f"of units {line!r}.")
 
 
 def velocities(

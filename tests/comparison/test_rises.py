@@ -116,6 +116,16 @@ def test_a_common_velocity_changes_no_rise():
         assert report.rises(2) == pytest.approx(at_rest.rises(2), rel=1e-12)
 
 
+@pytest.mark.usefixtures("interpreted")
+def test_balls_that_lie_on_a_moving_floor_rise_nothing():
+    """Before, the rise was nan unless the floor was at rest."""
+    pile = gr.scenes.ball_stack(3, 0.85, gap=6.4e-5)
+    law = [gr.LinearDashpot.from_restitution(0.1, 1e5, pair=pair) for pair in pile.pairs]
+    still, moving = (gr.compare(pile.replace(velocity=np.full(pile.n, boost)), law, t_end=0.6).rises[0]
+                     for boost in (0.0, 0.5))
+    assert still == moving == 0.0
+
+
 def test_without_a_floor_no_ball_rises():
     """Before, the height above the other ball was given."""
     falling = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.1], [1.0, 0.0], 9.81)

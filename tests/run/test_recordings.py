@@ -49,6 +49,15 @@ def test_the_encoding_of_western_europe_is_read(tmp_path):
     assert {name: values.tolist() for name, values in found.items()} == {"Zeit": [1e-6], "Höhe": [0.02]}
 
 
+def test_other_writings_of_the_same_table_are_read(tmp_path):
+    """A text of UTF-16, a comment sign before the names, and a typographic minus."""
+    for data in ("t (s)\ty (cm)\n0\t-1\n1\t2\n".encode("utf-16"), b"# t (s)\ty (cm)\n0\t-1\n1\t2\n",
+                 "t (s)\ty (cm)\n0\t\N{MINUS SIGN}1\n1\t2\n".encode()):
+        (tmp_path / "file.txt").write_bytes(data)
+        found = gr.read_recording(tmp_path / "file.txt")
+        assert {name: values.tolist() for name, values in found.items()} == {"t": [0.0, 1.0], "y": [-0.01, 0.02]}
+
+
 def test_columns_come_in_the_order_in_which_they_are_given(tmp_path):
     path = tmp_path / "file.csv"
     path.write_text("t,p (hPa),y (mm),x\n1,2,3,4\n")
@@ -75,6 +84,10 @@ WRONG = {
     "t,y\n1,2\n3,4\n2,5\n": "`t[2]` must be a time in s after the one in the row before it, got 2.0. Sort the rows by "
                             "time.",
     "t,y\n1,2\n1,4\n": "`t[1]` must be a time in s after",
+    "t,y\n0,inf\n1,2\n": "must have numbers only below the names of its columns, got '0,inf'.",
+    "t,y\n0,n/a\n1,2\n": "must have numbers only below the names of its columns, got '0,n/a'.",
+    "t,y\ns,mm\n0,1\n1,2\n": "must have each unit in the line of names, such as 't (s)', got a separate line of units "
+                              "'s,mm'.",
 }
 
 
