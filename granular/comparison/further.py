@@ -41,9 +41,10 @@ MAX_EVENTS_PER_RUN = 3000
 MAX_STEPS_PER_RUN = 10 * MAX_EVENTS_PER_RUN
 """Limit on the steps of each soft run. A pile that settles has few events."""
 MAX_FIXED_STEPS = 10 * MAX_STEPS_PER_RUN
-"""Limit on the additional steps of a run with fixed steps, about 2 s if interpreted.
+"""Limit on the additional steps of a run with fixed steps.
 
-A ball at rest needs many steps."""
+The steps take about 2 s if interpreted. A ball at rest needs many of them.
+"""
 Flight = tuple[float, float, float, int]
 
 
@@ -128,7 +129,10 @@ class Continuation:
         return self.engine == "soft" and "origin" not in self.before.state
 
     def contacts(self, later: Trajectory) -> Any:
-        """Contacts from the start of the original run to the end of `later`, a result of `run`."""
+        """Contacts from the start of the original run to the end of `later`.
+
+        `later` is a result of `run`.
+        """
         log = self.before.contacts
         return later.contacts if self.repeats else np.concatenate([log[~np.isnan(log["t_end"])], later.contacts])
 
@@ -194,8 +198,8 @@ def apexes(
 ) -> check.Array:
     """Time in s and height in m of the apex of each body after a bounce, (count, 2).
 
-    A ball that comes to rest has the time nan and the height 0. Both are nan if the apex cannot be determined, or if
-    there is none.
+    A ball that comes to rest has the time nan and the height 0. Both are nan if the apex does not exist or cannot be
+    determined.
 
     Parameters
     ----------
@@ -269,10 +273,11 @@ def _apex_of_last_flight(run: Trajectory, bounce: int) -> tuple[float, float] | 
 
 
 def _apex(scene: Scene, log: Any, body: int, bounce: int, before_next: bool = False) -> float:
-    """Time in s of the first apex of a body after a bounce, nan if it is not in the log, or inf if there is none.
+    """Time in s of the first apex of a body after a bounce, or nan or inf.
 
-    An apex is the highest point above a floor of constant velocity. It counts if the ball reaches it before its next
-    contact. A ball that hits a ceiling first, or that forces drive upwards, has none.
+    nan means that the log ends before, inf that the body has no apex. An apex is the highest point above a floor of
+    constant velocity. It counts if the ball reaches it before its next contact. A ball that hits a ceiling first, or
+    that forces drive upwards, has none.
 
     Parameters
     ----------
@@ -296,10 +301,10 @@ def _apex(scene: Scene, log: Any, body: int, bounce: int, before_next: bool = Fa
 
 
 def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
-    """Yield start, initial velocity and end of each free flight of a body, and the pair that ends it.
+    """Yield start, initial velocity, end and next pair of each flight of a body.
 
-    The flights are in time order. Flights after contacts that begin before `since` are left out. Times are in s, and
-    the velocity in m/s. The last flight ends at inf, with pair -1.
+    The next pair ends the flight. The flights are in time order. Flights after contacts that begin before `since` are
+    left out. Times are in s, and the velocity in m/s. The last flight ends at inf, with pair -1.
     """
     rows = log[(log["pair"] == body) | (log["pair"] == body - 1)]
     rows = rows[np.argsort(rows["t_end"], kind="stable")]

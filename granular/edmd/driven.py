@@ -42,8 +42,8 @@ def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
     """Return the time of the next hit on the driven wall of a pair, or inf.
 
     The time in s from `at` to the hit is stored in the field `wait`. A touch at which the velocity of the wall jumps
-    away from the ball is no hit: there is no impulse. A pair between two driven walls has no hit: its bodies meet only
-    when no room is left, and the run ends at that time.
+    away from the ball does not count, because it has no impulse. A pair between two driven walls has no hit: its bodies
+    meet only when no room is left, and the run ends at that time.
     """
     if pair.wall == BOTH:
         return NO_EVENT_TIME
@@ -76,7 +76,10 @@ def opening(pair: Record, walls: Walls) -> float:
 
 @kernel
 def time_past_jump(t: float, tail: float) -> float:
-    """Return a time in s that leads past a jump of the wall velocity near t + tail, despite rounding."""
+    """Return a time in s that leads past a jump of the wall velocity.
+
+    It exceeds the rounding error of the time t + tail.
+    """
     return 2.0**-50 * (abs(t) + abs(tail))
 
 

@@ -136,7 +136,7 @@ def rate_at_touch(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
     if HUNG:
         return hung_rate_at_contact(pair.gap, pair.rate, pair.omega, pair.rest)
     if FORCED and pair.wall >= 0:
-        return rate_at_wall(pair, lower, upper, walls)
+        return min(rate_at_wall(pair, lower, upper, walls), 0.0)  # positive only in `next_wall_hit`
     a = pair.closing_acceleration
     return rate_at_contact(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * pair.at, a)
 

@@ -25,7 +25,10 @@ from granular.scene import Scene, speed_scale
 MAX_EXACT_PAIRS = 1000
 """Number of pairs up to which the slopes of all are computed by differences."""
 LOAD_ITERATIONS = 12
-"""Iterations for the overlap under a load. Each reduces the error of ln(speed) by a factor of 2 or more."""
+"""Iterations for the overlap under a load.
+
+Each reduces the error of ln(speed) by a factor of 2 or more.
+"""
 DOUBTFUL_DT_LAMBDA = 0.2
 """dt·λ above which errors are visible, so that a run issues a warning."""
 
@@ -112,9 +115,10 @@ def expected_rate(scene: Scene, laws: SceneLaws) -> float:
 
 
 def _overlap_under(law: PairLaw, load: float) -> float:
-    """Return the largest overlap in m of a pair on which a load in N is put at zero overlap.
+    """Return the largest overlap in m of a pair under a sudden load in N.
 
-    The work of the load equals the elastic energy at the overlap ξ, as after an impact at the speed √(2 F ξ/m_eff).
+    The load is put on the pair at zero overlap. Its work equals the elastic energy at the overlap ξ, as after an impact
+    at the speed √(2 F ξ/m_eff).
     """
     speed, overlap = 1.0, 0.0
     for _ in range(LOAD_ITERATIONS):

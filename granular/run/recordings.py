@@ -111,9 +111,10 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
 
 
 def _decoded(data: bytes) -> str:
-    """Return the text of a file in UTF-8, in UTF-16 with a mark, or in the encoding of Western Europe.
+    """Return the text of a file in one of three encodings.
 
-    Spreadsheets write all of them. A typographic minus becomes a hyphen.
+    They are UTF-8, UTF-16 with a mark, and the encoding of Western Europe. Spreadsheets write all of them. A
+    typographic minus becomes a hyphen.
     """
     if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         text = data.decode("utf-16", "replace")
@@ -125,9 +126,10 @@ def _decoded(data: bytes) -> str:
 
 
 def _check_header(name: str, header: list[str], line: str, above: list[str]) -> None:
-    """Raise `ValueError` if the header is a row of numbers with an unreadable cell, or a row of units.
+    """Raise `ValueError` if the header is a row of numbers, or of units.
 
-    `name` is the file, `line` the line of the header, and `above` are the cells of the line above it.
+    Such a row of numbers has an unreadable cell. `name` is the file, `line` the line of the header, and `above` are the
+    cells of the line above it.
     """
     if any(NUMBERS.fullmatch(cell) for cell in header):
         raise ValueError(f"File {name} must have numbers only below the names of its columns, got {line!r}.")
