@@ -255,6 +255,8 @@ def dispatcher(function: Callable[..., Any], inline: bool, is_callee: bool = Fal
     copy.__qualname__ = f"{function.__qualname__}_{cache_key(function, fast):08x}{'i' * inline}{'p' * is_callee}"
     result = numba.njit(**options)(copy)
     result.compile = _without_collection(result.compile)
+    if not fast:
+        result.get_call_template = _with_exact_types(result)
     if is_callee:
         return result
     cache_on_disk(result)
@@ -289,6 +291,24 @@ def _with_fallback(compile_for: Callable[..., Any], function: Callable[..., Any]
         return dispatcher(function, inline)
 
     return compiled
+
+
+def _with_exact_types(result: Any) -> Callable[..., Any]:
+    """Return a method of a dispatcher that selects the version of a callee by the exact types of its arguments.
+
+    numba's own method also offers versions for records with fewer fields of which the first are equal, with a warning
+    about an experimental feature. The fast pipeline selects versions in the same way.
+    """
+    template_of_call = result.get_call_template
+
+    def exact_template(*call: Any) -> Any:
+        """Return numba's description of a call, with the only version for its argument types."""
+        template, names, types_of_arguments, keywords = template_of_call(*call)
+        if exact := result.overloads.get(tuple(types_of_arguments)):
+            template.cases = [exact.signature]
+        return template, names, types_of_arguments, keywords
+
+    return exact_template
 
 
 def _without_collection(compile_for: Any) -> Any:

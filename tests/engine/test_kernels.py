@@ -6,11 +6,13 @@ import random
 import subprocess
 import sys
 import types
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
 from granular._engine import kernels, records as _records
+from granular._engine.compiler_state import Mode
 from granular._engine.kernels import compiled, fitted, have_numba, kernel, specialised
 from granular.edmd import motion
 
@@ -55,6 +57,12 @@ def first_of_all(records):
 def ways(function):
     """The kernel as it stands, and compiled where it can be."""
     return [function, compiled(function)] if have_numba() else [function]
+
+
+def both_pipelines():
+    """The default pipeline of numba, and the fast one if it is used with the installed version."""
+    installed = tuple(map(int, version("numba").split(".")[:2])) if have_numba() else None
+    return ["default", "fast"] if installed in kernels.TESTED_NUMBA else ["default"]
 
 
 def test_a_twin_has_other_constants_and_kernels_however_deep():
@@ -146,9 +154,21 @@ def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls():
     assert names[0] == compiled(nested, inline=True).__qualname__
 
 
-@pytest.mark.skipif(not have_numba(), reason="numba is not installed")
-def test_machine_code_is_made_for_what_python_calls_only_and_a_part_is_typed_once(monkeypatch, tmp_path):
+@pytest.fixture(params=both_pipelines())
+def pipeline(request, monkeypatch, tmp_path):
+    """Name of a pipeline that compiles all kernels, with empty caches in memory and on disk."""
+    kernels.load_numba()
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(Mode, "fast", request.param == "fast")
+    for clear in Mode.on_switch:
+        clear()
+    yield request.param
+    for clear in Mode.on_switch:
+        clear()
+
+
+@pytest.mark.skipif(not have_numba(), reason="numba is not installed")
+def test_machine_code_is_made_for_what_python_calls_only_and_a_part_is_typed_once(pipeline, tmp_path):
     shared = kernel(types.FunctionType(inner.__code__, globals()))
     callers = [kernel(types.FunctionType(code, globals() | {"inner": shared}))
                for code in (nested.__code__, outer.__code__)]
@@ -157,14 +177,13 @@ def test_machine_code_is_made_for_what_python_calls_only_and_a_part_is_typed_onc
     assert part is same
     assert part is not compiled(shared)
     made = {type(one.library).__name__ for one in part.overloads.values()}
-    assert (made, len(part.overloads)) == ({"Part"}, 1)
+    assert (made, len(part.overloads)) == ({"Part" if pipeline == "fast" else "JITCodeLibrary"}, 1)
     assert compiled(shared)(0.25) == inner(0.25)
     assert len(list(tmp_path.rglob("*.nbi"))) == 3
 
 
 @pytest.mark.skipif(not have_numba(), reason="numba is not installed")
-def test_records_that_begin_alike_are_told_apart_without_a_warning(monkeypatch, tmp_path):
-    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+def test_records_that_begin_alike_are_told_apart_without_a_warning(pipeline):
     caller = kernel(types.FunctionType(first_of_all.__code__, globals()))
     kinds = [np.dtype([("first", float)]), np.dtype([("first", float), ("second", float)])]
     assert [compiled(caller)(np.full(1, 2.0, kind)) for kind in kinds] == [2.0, 2.0]
