@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain, count, islice, product
+from itertools import chain, count, islice, pairwise, product
 from string import ascii_letters
 
 from granular.app.page.script import CLASS, KEYWORDS, Token
@@ -24,6 +24,8 @@ SINGLE_LETTERS = 40
 """Number of one-letter names for the whole script."""
 COLON = 2
 """Number of characters that a shorthand grows by."""
+CONTINUING = frozenset(("else", "catch", "finally", "in", "instanceof", "of"))
+"""Words that continue a statement after a closing brace."""
 HIDDEN = frozenset(("print", "history", "location", "performance", "document", "window"))
 """Names of the browser. Variables with the same names are kept."""
 
@@ -45,12 +47,14 @@ def renamed(parts: Sequence[Token]) -> list[Token]:
 def _statements(parts: Sequence[Token]) -> Iterator[list[Token]]:
     """Yield the statements at the top level; of a class its methods one by one."""
     statement: list[Token] = []
-    for token in parts:
+    for token, after in zip(parts, [*parts[1:], None], strict=True):
         statement.append(token)
         is_block_end = token.text == "}" and token.kind == "sign"
         first = statement[0].text
+        begins = after is not None and after.kind == "name" and not (
+            after.text in CONTINUING or (after.text == "while" and first == "do"))
         if (token.depth == 0 and (token.text == ";" or (is_block_end and first in ("function", "async", "class", "}"))
-                                  or (is_block_end and statement[0].depth == 1))) or (
+                                  or (is_block_end and (begins or statement[0].depth == 1)))) or (
                 is_block_end and token.depth == 1 and token.within == CLASS):
             yield statement
             statement = []
@@ -66,7 +70,7 @@ def _declared(part: Sequence[Token]) -> set[str]:
         if token.role == "keyword" and token.text in ("const", "let"):
             names |= _after_keyword(part, i, closing)
         elif token.role == "keyword" and token.text in ("function", "class"):
-            names |= {one.text for one in part[i + 1 : i + 3] if one.role == "variable"}
+            names |= _name_after(part, i)
             start = next((j for j in range(i + 1, min(i + 4, len(part))) if part[j].text == "("), None)
             if start is not None and token.text == "function":
                 names |= _bound(part[start : closing[start] + 1])
@@ -75,6 +79,12 @@ def _declared(part: Sequence[Token]) -> set[str]:
         elif token.text == "(" and i in closing and part[i - 1].text != "if" and _has_body(part, i, closing[i]):
             names |= _bound(part[i : closing[i] + 1])
     return names
+
+
+def _name_after(part: Sequence[Token], i: int) -> set[str]:
+    """Return the name, if any, of the function or class whose keyword is at `i`."""
+    at = i + 2 if part[i + 1].text == "*" else i + 1
+    return {part[at].text} if part[at].role == "variable" else set()
 
 
 def _has_body(part: Sequence[Token], start: int, end: int) -> bool:
@@ -87,7 +97,8 @@ def _has_body(part: Sequence[Token], start: int, end: int) -> bool:
 def _after_keyword(part: Sequence[Token], i: int, closing: dict[int, int]) -> set[str]:
     """Return the names that a declaration with `const` or `let` at `i` declares."""
     names, depth, j, is_name = set(), part[i].depth, i + 1, True
-    while j < len(part) and part[j].depth >= depth and part[j].text != ";" and part[j].text != "of":
+    while j < len(part) and part[j].depth >= depth and part[j].text != ";" and not (
+            part[j].text == "of" and part[j].role == "keyword"):
         if is_name and part[j].text in ("{", "["):
             names |= _bound(part[j : closing[j] + 1])
         elif is_name and part[j].role == "variable":
@@ -98,10 +109,17 @@ def _after_keyword(part: Sequence[Token], i: int, closing: dict[int, int]) -> se
 
 
 def _bound(part: Sequence[Token]) -> set[str]:
-    """Return the names in parameters or in a pattern, without default values."""
-    return {one.text for before, one, after in zip(part, part[1:], part[2:], strict=False)
-            if one.role in ("variable", "shorthand") and before.text in ("(", ",", "{", "[", "...", ":")
-            and after.text in (")", ",", "}", "]", "=")}
+    """Return the names in parameters or in a pattern, without default values and computed keys."""
+    names: set[str] = set()
+    value = -1  # depth of the default value that is skipped, if any
+    for before, one in pairwise(part):
+        if value >= 0 and (one.depth < value or (one.depth == value and one.text == ",")):
+            value = -1
+        if value < 0 and one.text == "=" and one.kind == "sign":
+            value = one.depth
+        elif value < 0 and one.is_variable and before.text in ("(", ",", "{", "[", "...", ":"):
+            names.add(one.text)
+    return names
 
 
 def _partners(part: Sequence[Token]) -> dict[int, int]:
@@ -120,7 +138,8 @@ def _top_names(part: Sequence[Token]) -> set[str]:
     """Return the names that a statement declares at the top level."""
     if part[0].text in ("const", "let"):
         return _after_keyword(part, 0, _partners(part))
-    return {one.text for one in part[:4] if one.role == "variable" and one.depth == 0}
+    start = 1 if part[0].text == "async" and len(part) > 1 else 0
+    return _name_after(part, start) if part[start].text in ("function", "class") else set()
 
 
 def _short_names(taken: set[str], length: int = 1) -> Iterator[str]:
