@@ -1,15 +1,16 @@
-"""State of the compiler in this process, and tuples passed by reference.
+"""State of the compiler in this process, its dispatchers, and tuples passed by reference.
 
 The state is shared by `granular._engine.kernels` and `granular._engine.numba_pipeline`.
 """
 
 from __future__ import annotations
 
+import gc
 import sys
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, wraps
 from typing import Any, ClassVar
 
 import numpy as np
@@ -84,3 +85,42 @@ def cache_on_disk(function: Any) -> Any:
     with suppress(RuntimeError):
         function.enable_caching()
     return function
+
+
+def with_exact_types(result: Any) -> Callable[..., Any]:
+    """Return a method of a dispatcher that selects the version of a callee by the exact types of its arguments.
+
+    numba's own method also offers versions for records with fewer fields of which the first are equal, with a warning
+    about an experimental feature. The fast pipeline selects versions in the same way.
+    """
+    template_of_call = result.get_call_template
+
+    def exact_template(*call: Any) -> Any:
+        """Return numba's description of a call, with the only version for its argument types."""
+        template, names, types_of_arguments, keywords = template_of_call(*call)
+        if exact := result.overloads.get(tuple(types_of_arguments)):
+            template.cases = [exact.signature]
+        return template, names, types_of_arguments, keywords
+
+    return exact_template
+
+
+def without_collection(compile_for: Any) -> Any:
+    """Return a compile function that disables the garbage collector while it runs.
+
+    Compilation creates millions of objects that stay alive. Their repeated traversal by the collector takes up to a
+    tenth of the time.
+    """
+
+    @wraps(compile_for)
+    def compilewithout_collection(signature: Any) -> Any:
+        """Compile for a signature without garbage collection, which is faster."""
+        enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return compile_for(signature)
+        finally:
+            if enabled:
+                gc.enable()
+
+    return compilewithout_collection

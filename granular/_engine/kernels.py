@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import ast
 import dis
-import gc
 import os
 import sys
 import types
@@ -30,7 +29,15 @@ from time import process_time
 from typing import Any, TypeVar
 from zlib import crc32
 
-from granular._engine.compiler_state import Mode, by_reference, cache_on_disk, numba_version, use_default_pipeline
+from granular._engine.compiler_state import (
+    Mode,
+    by_reference,
+    cache_on_disk,
+    numba_version,
+    use_default_pipeline,
+    with_exact_types,
+    without_collection,
+)
 from granular._engine.package import install
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -254,9 +261,9 @@ def dispatcher(function: Callable[..., Any], inline: bool, is_callee: bool = Fal
     # the name identifies the cached machine code, see `cache_key`
     copy.__qualname__ = f"{function.__qualname__}_{cache_key(function, fast):08x}{'i' * inline}{'p' * is_callee}"
     result = numba.njit(**options)(copy)
-    result.compile = _without_collection(result.compile)
+    result.compile = without_collection(result.compile)
     if not fast:
-        result.get_call_template = _with_exact_types(result)
+        result.get_call_template = with_exact_types(result)
     if is_callee:
         return result
     cache_on_disk(result)
@@ -291,45 +298,6 @@ def _with_fallback(compile_for: Callable[..., Any], function: Callable[..., Any]
         return dispatcher(function, inline)
 
     return compiled
-
-
-def _with_exact_types(result: Any) -> Callable[..., Any]:
-    """Return a method of a dispatcher that selects the version of a callee by the exact types of its arguments.
-
-    numba's own method also offers versions for records with fewer fields of which the first are equal, with a warning
-    about an experimental feature. The fast pipeline selects versions in the same way.
-    """
-    template_of_call = result.get_call_template
-
-    def exact_template(*call: Any) -> Any:
-        """Return numba's description of a call, with the only version for its argument types."""
-        template, names, types_of_arguments, keywords = template_of_call(*call)
-        if exact := result.overloads.get(tuple(types_of_arguments)):
-            template.cases = [exact.signature]
-        return template, names, types_of_arguments, keywords
-
-    return exact_template
-
-
-def _without_collection(compile_for: Any) -> Any:
-    """Return a compile function that disables the garbage collector while it runs.
-
-    Compilation creates millions of objects that stay alive. Their repeated traversal by the collector takes up to a
-    tenth of the time.
-    """
-
-    @wraps(compile_for)
-    def compile_without_collection(signature: Any) -> Any:
-        """Compile for a signature without garbage collection, which is faster."""
-        enabled = gc.isenabled()
-        gc.disable()
-        try:
-            return compile_for(signature)
-        finally:
-            if enabled:
-                gc.enable()
-
-    return compile_without_collection
 
 
 def without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
