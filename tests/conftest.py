@@ -26,6 +26,7 @@ MAKERS = ("studies/test_sweeps_ways", "edmd/test_actions", "edmd/test_blocks", "
           "located/test_compiled", "located/test_rest", "fixed/test_engines")
 """Files that have machine code made for nearly all that others need."""
 TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "comparison/test_episodes",
+          "comparison/test_error_in_other_units",
           "comparison/test_figure", "comparison/test_driven_compare", "comparison/test_costs",
           "studies/test_sweeps", "studies/test_sweeps_cases", "studies/test_sweeps_saved")
 """Files that need much of it: the other worker must not come to them while it is being made."""
