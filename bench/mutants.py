@@ -23,12 +23,13 @@ REPO_ROOT = Path(__file__).resolve().parent.parent
 CPU_SECONDS = 120
 """Limit of processor time in s for the tests of one mutation."""
 HARD_TESTS = "edmd/test_known_results edmd/test_invariants"
-TIE_TESTS, COLLAPSE_TESTS = "edmd/test_ties", "edmd/test_collapse"
+TIE_TESTS, COLLAPSE_TESTS = "edmd/test_ties", "edmd/test_collapse edmd/test_balls_that_stick"
 SOFT_TESTS, REST_TESTS = "located/test_reference", "located/test_rest"
 ISOLATED_TESTS = "located/test_isolated located/test_isolated_scenes"
 WALL_TESTS = "scene/test_walls_hits scene/test_walls_path scene/test_walls_ride"
 DRIVEN_TESTS = "edmd/test_driven edmd/test_ride edmd/test_driven_runs located/test_driven"
-COMPARISON_TESTS = "comparison/test_error comparison/test_judge comparison/test_comparison comparison/test_answer"
+COMPARISON_TESTS = ("comparison/test_error comparison/test_work_of_a_comparison comparison/test_judge "
+                    "comparison/test_comparison comparison/test_answer")
 MUTANTS = [
     # hard spheres
     ("edmd", "part = pair.closing_acceleration * now - e * w", "part = -e * w", HARD_TESTS),
@@ -55,7 +56,7 @@ MUTANTS = [
         "edmd",
         "part = upper / (lower + upper)",
         "part = lower / (lower + upper)",
-        "edmd/test_collapse edmd/test_actions",
+        "edmd/test_collapse edmd/test_balls_that_stick edmd/test_actions",
     ),
     ("edmd", "return count + 3", "return count", COLLAPSE_TESTS),
     (
