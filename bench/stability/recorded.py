@@ -20,9 +20,10 @@ import numpy as np
 
 from bench.stability.line import COMPARED_FIELDS
 from tests.helpers.fuzz.arithmetic import LONG
-from tests.helpers.fuzz.judge import Truth, truth
+from tests.helpers.fuzz.judge import truth
 from tests.helpers.fuzz.laws import Spec
 from tests.helpers.fuzz.scenes import Case
+from tests.helpers.fuzz.stored_truth import Truth
 
 OUTPUT_PATH = Path(__file__).with_suffix(".json")
 DRAWS_PER_KIND = 14

@@ -21,20 +21,11 @@ import granular as gr
 from granular.laws.dashpot import reduced_duration, restitution
 from tests.helpers.fuzz import bounded, driven, soak
 from tests.helpers.fuzz.arithmetic import DIGITS, DOUBLE
-from tests.helpers.fuzz.judge import (
-    Truth,
-    Verdict,
-    compare,
-    distance,
-    engine,
-    from_json,
-    judge,
-    judged_by_roundings,
-    truth,
-)
+from tests.helpers.fuzz.judge import Verdict, compare, distance, engine, judge, judged_by_roundings, truth
 from tests.helpers.fuzz.laws import Rounded, Spec
 from tests.helpers.fuzz.scenes import Case, generate
 from tests.helpers.fuzz.solver import solve
+from tests.helpers.fuzz.stored_truth import Truth, from_json
 
 STORED = json.loads((Path(__file__).parents[1] / "helpers" / "fuzz" / "truths.json").read_text())
 LIVE = range(1_000_000, 1_000_010)

@@ -14,9 +14,10 @@ from itertools import chain, count
 from pathlib import Path
 
 from tests.helpers.fuzz.arithmetic import LONG
-from tests.helpers.fuzz.judge import distance, to_json, truth
+from tests.helpers.fuzz.judge import distance, truth
 from tests.helpers.fuzz.scenes import generate
 from tests.helpers.fuzz.solver import solve
+from tests.helpers.fuzz.stored_truth import to_json
 
 STORE = Path(__file__).with_name("truths.json")
 SCENES = 300
