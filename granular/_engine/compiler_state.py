@@ -1,4 +1,4 @@
-"""State of the compiler in this process, its dispatchers, and tuples passed by reference.
+"""State of the compiler, its dispatchers, and tuples passed by reference.
 
 The state is shared by `granular._engine.kernels` and `granular._engine.numba_pipeline`.
 """
@@ -88,7 +88,7 @@ def cache_on_disk(function: Any) -> Any:
 
 
 def with_exact_types(result: Any) -> Callable[..., Any]:
-    """Return a method of a dispatcher that selects the version of a callee by the exact types of its arguments.
+    """Return a method that selects the version of a callee by its exact types.
 
     numba's own method also offers versions for records with fewer fields of which the first are equal, with a warning
     about an experimental feature. The fast pipeline selects versions in the same way.
@@ -96,7 +96,7 @@ def with_exact_types(result: Any) -> Callable[..., Any]:
     template_of_call = result.get_call_template
 
     def exact_template(*call: Any) -> Any:
-        """Return numba's description of a call, with the only version for its argument types."""
+        """Return the template of a call, with one version for its types."""
         template, names, types_of_arguments, keywords = template_of_call(*call)
         if exact := result.overloads.get(tuple(types_of_arguments)):
             template.cases = [exact.signature]

@@ -70,7 +70,9 @@ class Writer:
             lambda: f"(typeof {other()} === 'number' && !Infinity ? 1 : {other()})",
             lambda: f"(true ? {other()} : undefined) /* a {name} // */", lambda: f"({other()} ?? Infinity)",
             lambda: f"(/{name}/ instanceof RegExp ? {other()} : 0)", lambda: f"Math.max({other()}, {other()})",
-            lambda: self.called(), lambda: self.object_(), lambda: f"(1 <! {x()} ? 1 : 2)",
+            lambda: self.called(), lambda: self.object_(),
+            lambda: f"((twice) => ({{ {name}: 2 * twice({other()}) }}).{name})((k) => k * 2)",
+            lambda: f"(1 <! {x()} ? 1 : 2)",
             lambda: f"(({x()} in {{ {name}: 1 }}) ? 1 : {other()})", lambda: f"((-{x()}) ** 2 % 7)",
         ])()
         self.depth -= 1
@@ -129,7 +131,7 @@ class Writer:
             name = self.draw.choice(NAMES)
             return f"(({name}) => {self.inner([name], self.number)})({self.number()})"
         return self.one(f"(({text}) => {body}){arguments}", f"(({text}) => {{ return {body}; }}){arguments}",
-                        f"(function {self.one('inner', 'speed', '')}({text}) {{ return {body}; }}){arguments}")
+                        f"(function {self.one('inner', '')}({text}) {{ return {body}; }}){arguments}")
 
     def object_(self):
         """A number from an object with a getter, a setter or a method."""

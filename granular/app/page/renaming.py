@@ -109,7 +109,7 @@ def _after_keyword(part: Sequence[Token], i: int, closing: dict[int, int]) -> se
 
 
 def _bound(part: Sequence[Token]) -> set[str]:
-    """Return the names in parameters or in a pattern, without default values and computed keys."""
+    """Return the names that parameters or a pattern bind, without default values."""
     names: set[str] = set()
     value = -1  # depth of the default value that is skipped, if any
     for before, one in pairwise(part):

@@ -32,6 +32,10 @@ AFTER_OPERANDS = frozenset(("extends", "in", "instanceof", "of"))
 OPENING, CLOSING = frozenset("([{"), frozenset(")]}")
 STATEMENT_AFTER = frozenset((";", "{", "}", ")", ":", "else", "do"))
 """Tokens after which a statement can begin."""
+MODIFIERS = frozenset(("get", "set", "async", "*"))
+"""Words and a sign before the name of a method of an object."""
+AFTER_KEYS = frozenset((":", "(", ",", "}", "="))
+"""Tokens after the name of a key or of a shorthand."""
 BLOCK, OBJECT, CLASS = "block", "object", "class"
 CONDITION = "condition"
 SHORT = {"const": "let", "true": "!0", "false": "!1", "undefined": "void 0", "Infinity": "1/0"}
@@ -127,10 +131,11 @@ def _plain_tokens(source: str) -> Iterator[Token]:
 
 
 def _is_operand(before: Token, token: Token, opening: Token, after_operand: bool) -> bool:
-    """Return whether an operand ends with a token, so that a slash after it is a division.
+    """Return whether an operand ends with a token.
 
+    A slash after an operand is a division. A slash after a brace is refused, because a block and an object differ.
     `opening` is the bracket that a closing token belongs to. `after_operand` is whether an operand ends before the
-    token. A slash after a brace is refused, because a block and an object differ.
+    token.
     """
     if token.kind == "name":
         is_property = before.text in (".", "?.")
@@ -145,7 +150,7 @@ def _is_operand(before: Token, token: Token, opening: Token, after_operand: bool
 
 def _with_roles(plain: list[Token]) -> Iterator[Token]:
     """Yield tokens with the roles of names, the innermost bracket, and the depth."""
-    stack, questions, classes, after_label = [""], [0], [0], False
+    stack, questions, classes, after_label, modified = [""], [0], [0], False, False
     for i, token in enumerate(plain):
         before = plain[i - 1] if i else Token("sign", ";")
         after = plain[i + 1] if i + 1 < len(plain) else Token("sign", ";")
@@ -153,7 +158,9 @@ def _with_roles(plain: list[Token]) -> Iterator[Token]:
             stack.pop()
             questions.pop()
             classes.pop()
-        role = _role(before, token, after, stack[-1]) if token.kind == "name" else token.role
+        role = _role(before, token, after, stack[-1], modified) if token.kind == "name" else token.role
+        modified = stack[-1] == OBJECT and token.text in MODIFIERS and after.text not in AFTER_KEYS and (
+            modified or before.text in ("{", ","))
         is_statement = stack[-1] in ("", BLOCK) and not questions[-1] and before.text in STATEMENT_AFTER
         if role == "variable" and (before.text in ("break", "continue") or (is_statement and after.text == ":")):
             role = "label"
@@ -180,17 +187,20 @@ def _brace(before: Token) -> str:
     return BLOCK if before.text in (")", "=>", ";", "{", "}") else OBJECT
 
 
-def _role(before: Token, name: Token, after: Token, within: str) -> str:
+def _role(before: Token, name: Token, after: Token, within: str, is_modified: bool) -> str:
+    """Return the role of a name between two tokens.
+
+    `is_modified` is whether words such as `get` before it make it the name of a method of an object.
+    """
     if before.text in (".", "?."):
         return "property"
     if within == CLASS:
         is_modifier = name.text in ("get", "set", "static", "async") and after.kind == "name"
         return "keyword" if is_modifier or before.text in ("extends",) else "property"
     is_key = within == OBJECT and before.text in ("{", ",")
-    if within == OBJECT and before.text in ("get", "set", "async", "*") and after.text == "(" and (
-            name.text not in KEYWORDS):
+    if is_modified and name.text not in KEYWORDS and after.text == "(":
         return "property"
-    if is_key and after.text not in (":", "(", ",", "}", "="):
+    if is_key and after.text not in AFTER_KEYS:
         return "keyword"
     if name.text in KEYWORDS and not (is_key and after.text in (":", "(")):
         return "keyword"
@@ -225,7 +235,7 @@ def joined(parts: Sequence[Token]) -> str:
 
 
 def _shortened(parts: Sequence[Token]) -> Iterator[tuple[str, bool]]:
-    """Yield the texts of tokens, shortened, and whether each follows a regular expression."""
+    """Yield shortened texts, and whether each follows a regular expression."""
     declares, skipped = [False], -1
     for i, token in enumerate(parts):
         before, after = (parts[j].text if 0 <= j < len(parts) else ";" for j in (i - 1, i + 1))
