@@ -26,15 +26,16 @@ console.log(JSON.stringify(found.filter(([, faults]) => faults.length)));
 """
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(500, marks=pytest.mark.soak)])
-def test_the_page_answers_as_the_library_does(count, monkeypatch, tmp_path) -> None:
+@pytest.mark.parametrize(("seed", "count"), [
+    (8, 8), *(pytest.param(seed, 100, marks=pytest.mark.soak) for seed in range(500, 505))])
+def test_the_page_answers_as_the_library_does(seed, count, monkeypatch, tmp_path) -> None:
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not installed: the answers of the page are not compared here")
     monkeypatch.syspath_prepend(HERE)
     from tests.app.page.make_golden import REAL, SLIDERS, case, settings
 
-    random, cases = np.random.default_rng(count), []
+    random, cases = np.random.default_rng(seed), []
     for i in range(count):
         name = [*SLIDERS, *REAL][i % 5]
         v = settings(random, name)
@@ -93,6 +94,10 @@ console.log(JSON.stringify(JSON.parse(process.env.CASES).map(told)));
 """
 
 
+STUCK = {"gap": 0.01, "eps": 0.1509, "k": 81411.0, "n": 4, "massRatio": 0.593, "height": 0.15}
+"""Hard spheres that stick under either tie rule, after other speeds before: the answer is not unique."""
+
+
 @pytest.mark.parametrize("count", [6, pytest.param(300, marks=pytest.mark.soak)])
 def test_balls_that_come_to_rest_sink_and_rise_as_the_library_says(count, monkeypatch) -> None:
     """Soft enough to sink by about 1 % of a radius, and so lossy that hard ones collapse."""
@@ -103,7 +108,9 @@ def test_balls_that_come_to_rest_sink_and_rise_as_the_library_says(count, monkey
     from tests.app.page.make_golden import balls_of, compared, scene_of, settings
 
     parting = {"height": 0.15, "m1": 0.625, "r1": 0.0644, "t1": 0.0115, "e1": 0.115, "air1": 1}  # deepest at the onset
-    cases = [("bouncing-ball", parting, compared("bouncing-ball", parting, "left"))]
+    settled = [("bouncing-ball", parting), ("ball-stack", STUCK)]
+    cases = [(name, v, compared(name, v, "left")) for name, v in settled]
+    assert cases[1][2].answer is gr.Answer.not_unique
     random = np.random.default_rng(count)
     for i in range(count):
         name = ("bouncing-ball", "three-balls", "ball-stack")[i % 3]

@@ -14,7 +14,7 @@ export function errorsOf(hard, soft, eps, k, lag) {
   const unit = unitOf([...hard.contacts, ...soft.contacts], weight), rests = logs.map((both, c) => restOf(hard, c, both, weight));
   const leaves = largestDeparture(scene, logs, rests, lag), error = largest([leaves, ...rests].map(({ apart }) => apart / unit));
   const wrong = pairs.filter((p) => p.soft !== p.hard && !rests[p.pair].settles);
-  return { unit, error, pairs, wrong, leaves, sunk: sunkIn(soft, weight, alone) };
+  return { unit, weight, error, pairs, wrong, leaves, sunk: sunkIn(soft, weight, alone) };
 }
 
 // The largest closing speed; of a contact that begins at rest, the speed with which it parts. At least g t_c, the speed that

@@ -75,6 +75,19 @@ export function differences(one, other) {
   });
 }
 
+// The largest difference in m/s, contact by contact, of the approach and separation speeds of pairs that stick in both hard
+// runs. A contact that only one run has counts in full; contacts up to `weight` in both are those of balls that settle.
+export function stuckDifference(one, other, weight) {
+  return largest(one.scene.gap.map((_, c) => {
+    const logs = [one, other].map((run) => [ofPair(run, c), run.sticks]), [[a], [b]] = logs;
+    if (!logs.every(([log, sticks]) => sticks > 0 && log.length && partingOf(log.at(-1)) <= sticks)) return 0;
+    return largest([...(a.length > b.length ? a : b)].map((_, i) => {
+      const [[v, u], [w, z]] = [a[i], b[i]].map((contact) => (contact ? [approach(contact), partingOf(contact)] : [0, 0]));
+      return max(v, w) > weight ? max(abs(v - w), abs(u - z)) : 0;
+    }));
+  }));
+}
+
 export function shifted(scene) {
   const typical = sum(scene.gap) / scene.gap.length || 1;
   return { ...scene, gap: scene.gap.map((gap, c) => gap + SHIFT * (gap > 0 ? (c % 2 ? -gap : gap) : typical)) };

@@ -2,8 +2,9 @@
 import { errorsOf } from "./errors.mjs";
 import { findTops, settled, settledRun, simulateHard } from "./hard.mjs";
 import { levelled } from "./level.mjs";
-import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, riseIn, shifted } from "./measures.mjs";
+import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, riseIn, shifted, stuckDifference } from "./measures.mjs";
 import { findApexes, simulateSoft } from "./soft.mjs";
+import { max } from "./numbers.mjs";
 import { verdict } from "./verdict.mjs";
 
 // Steps of the soft and events of the hard spheres, and both past the stop in search of the apexes: while a slider moves, and when it
@@ -29,18 +30,21 @@ function foreverAfter({ status, group }, cut, soft) {
 }
 
 export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEISURE } = {}) {
-  const both = bothRuns(scene, eps, k, { ties, record: true, ...patience }), { first, whole, cut, soft, early, unit } = both;
+  const both = bothRuns(scene, eps, k, { ties, record: true, ...patience }), { first, whole, cut, soft, early, unit, weight } = both;
   findApexes(cut, patience.follow);
   findTops(first, patience.follow);
   const once = (run) => inBoth(run, cut)[0], own = once(whole);
   const hard = first.status === "collapse" ? once(first) : both.hard;
-  const others = early ? [] : otherAnswers(whole, eps, ties).map(([name, run]) => [name, isEarly(run) ? NaN : largest(differences(once(run), own)) / unit]);
+  const others = early ? [] : otherAnswers(whole, eps, ties).map(([name, run]) => [name, isEarly(run) ? NaN : tieError(once(run), own, weight) / unit]);
   const twin = settledRun(shifted(scene), eps, { ties });
   const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, isEarly(twin) ? own : once(twin), unit);
   const report = { ...both, scene, eps, k, hard, rule: ties, tieErrors: others, unchecked: isEarly(twin) || others.some(([, e]) => Number.isNaN(e)), ...self, finals: { hard: finals(hard), soft: finals(soft) } };
   const judged = verdict({ ...report, patience });
   return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...judged, otherRise: riseUnder(judged.verdict.worst, report, patience) };
 }
+
+// In m/s: of balls that leave, and of pairs that stick.
+const tieError = (run, own, weight) => max(largest(differences(run, own)), stuckDifference(run, own, weight));
 
 // How high the top ball rises under another tie rule.
 function riseUnder(ties, { scene, eps }, { maxEvents, follow }) {
