@@ -220,8 +220,8 @@ def test_a_ball_at_rest_on_the_floor_takes_no_steps(blank, story) -> None:
 
 def test_a_heavy_ball_on_a_light_one_rises_in_both_pictures(blank, story) -> None:
     go(blank, f"{story}#scene=three-balls&eps=1&gap=0.00000484&ratio=0.782&k=244000000&height=1.27")
-    assert text(blank, ".figure:nth-child(3) .hard") == "1.71 m"
-    assert text(blank, ".figure:nth-child(3) .soft") == "1.42 m"
+    assert text(blank, ".figure:nth-child(2) .hard") == "1.46"
+    assert text(blank, ".figure:nth-child(2) .soft") == "1.21"
 
 
 def test_predict_first(lab) -> None:

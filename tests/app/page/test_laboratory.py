@@ -10,7 +10,7 @@ import pytest
 
 from granular.app.page import assemble, live_page
 from tests.app.page.browser import Browser, found
-from tests.app.page.driving import click, fresh, go, text
+from tests.app.page.driving import click, fresh, go, settle, text
 
 
 @pytest.mark.rotating
@@ -32,6 +32,95 @@ def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) 
     told = "[...document.querySelectorAll('.times .chart, .sliders input, .finals, .csv')]"
     assert min(blank.run(f"{told}.map((one) => one.clientWidth)")) > 80
     blank.is_worn = True
+
+
+MISFITS = """
+[...document.querySelectorAll('.chart, .stage > svg')].flatMap((one) => {
+  const isChart = one.matches('.chart'), box = isChart ? one.parentElement : one;
+  const [, , wide, tall] = one.getAttribute('viewBox').split(' ').map(Number);
+  const fits = wide === box.clientWidth && (isChart || tall === box.clientHeight);
+  return box.clientWidth && !fits ? [[box.className, wide, tall, box.clientWidth, box.clientHeight]] : [];
+})
+"""
+
+
+def test_pictures_fill_their_boxes_however_a_scene_is_reached(blank, story) -> None:
+    """Loaded with it, from a link, by a button, from another screen, in another language, in a lower window."""
+    scenes = ["bouncing-ball", "three-balls", "newtons-cradle&lang=de", "ball-stack&n=8", "real-balls"]
+    for width in (1366, 390):
+        blank.size(width, 768)
+        for scene in ("bouncing-ball", "newtons-cradle&gap=0"):
+            fresh(blank, f"{story}#scene={scene}")
+            assert blank.run(MISFITS) == []
+        for link in [state for one in scenes for state in (f"scene={one}", "screen=2")]:
+            go(blank, f"{story}#{link}")
+            settle(blank)
+            assert blank.run(MISFITS) == [], link
+        for scene in reversed(scenes):
+            click(blank, f".scenes [data-scene={scene.partition('&')[0]}]")
+            assert blank.run(MISFITS) == [], scene
+        click(blank, ".times summary")
+        assert blank.run(MISFITS) == []
+        click(blank, ".times summary")
+        blank.size(width, 600)
+        settle(blank)
+        assert blank.run(MISFITS) == []
+
+
+FIGURES = """
+[...document.querySelectorAll('.figure')].map((one) => [...one.children].map((part) => part.textContent.replace('\u00a0', ' ')))
+"""
+
+
+def test_the_laboratory_speaks_of_the_scene_that_it_shows(blank, story) -> None:
+    """One fact is one figure, and a single ball is neither the top one nor in the last of the pairs."""
+    told = {}
+    for scene in ("bouncing-ball", "three-balls", "newtons-cradle", "ball-stack", "real-balls", "bouncing-ball"):
+        if told:
+            click(blank, f".scenes [data-scene={scene}]")
+        else:
+            go(blank, f"{story}#scene={scene}")
+        figures = blank.run(FIGURES)
+        assert len({tuple(one[1:3]) for one in figures}) == len(figures) == (2 if scene == "bouncing-ball" else 3)
+        told[scene] = [text(blank, ".story-text p:nth-child(2)"), figures]
+    assert len({suggestion for suggestion, _ in told.values()}) == 5
+    assert "paper" in told["three-balls"][0]
+    assert [name for name, *_ in told["bouncing-ball"][1]] == ["contacts in all", "height of the ball, in drop heights"]
+    assert told["bouncing-ball"][1][0][3] == ""
+    assert told["newtons-cradle"][1][0][3] == "of the last pair: 1 and 1"
+    names = "[...document.querySelectorAll('.rises .grid text')].map((one) => one.textContent)"
+    assert blank.run(names)[-1] == "basketball"
+
+
+CROSSED = """
+[...document.querySelectorAll('.curve, .distance')].filter((box) => box.clientWidth).flatMap((box) => {
+  const top = box.querySelector('.playhead').y1.baseVal.value;
+  return [...box.querySelectorAll('.count')].filter((one) => one.getBBox().y + one.getBBox().height > top + 3)
+    .map((one) => one.textContent);
+})
+"""
+
+
+def test_no_number_of_contacts_is_crossed_by_the_marker(blank, story) -> None:
+    """Lines end below the numbers, and go behind the words of a chart."""
+    for scene in ("three-balls", "ball-stack", "newtons-cradle", "real-balls"):
+        go(blank, f"{story}#scene={scene}")
+        assert blank.run("document.querySelectorAll('.curve .count').length") > 0
+        assert blank.run(CROSSED) == []
+    assert blank.run("document.querySelector('.curve .playhead').nextSibling.querySelectorAll('text').length") > 3
+
+
+def test_a_lens_is_never_empty(blank, story) -> None:
+    """Where balls are farther apart than it shows, they are at its rim, and it says no magnification."""
+    go(blank, f"{story}#scene=three-balls")
+    inside = "[...document.querySelectorAll('.stage .hard .lens-ball')].map((one) => one.cy.baseVal.value)"
+    middle, times = "document.querySelector('.stage .hard .lens-rim')", ".stage .hard .lens-times"
+    (lower, upper), cy, r = blank.run(inside), blank.run(f"{middle}.cy.baseVal.value"), blank.run(f"{middle}.r.baseVal.value")
+    assert lower - 3 * r < cy + r
+    assert upper + 3 * r > cy - r
+    assert text(blank, times) == ""
+    go(blank, f"{story}#scene=real-balls")
+    assert re.fullmatch(r"× \d+(\.\d)?", text(blank, times))
 
 
 @pytest.mark.rotating

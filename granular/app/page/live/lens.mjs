@@ -2,7 +2,9 @@
 import { set, svg, text } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
 import { plain } from "./words.mjs";
-import { abs, max, min } from "../physics/numbers.mjs";
+import { abs, max } from "../physics/numbers.mjs";
+
+const FARTHEST = 1.7; // radii of the lens
 
 export class Lens {
   constructor(engine) {
@@ -25,16 +27,18 @@ export class Lens {
     for (const circle of [this.cut, this.glass, this.rim]) set(circle, { cx, cy, r });
     set(this.value, { x: cx, y: cy + r + 17 });
     set(this.times, { x: cx, y: cy - r - 7 });
-    text(this.times, `× ${digits(this.scale / natural, 2)}`);
+    this.power = `× ${digits(this.scale / natural, 2)}`;
   }
 
+  // Balls farther apart than the lens is wide are at its rim, and it says no magnification.
   show(distance, touch) {
-    const { cx, cy, r, upright, scale } = this, big = 3 * r;
-    const half = min(2 * r, max(-r, distance * scale)) / 2 + big;
+    const { cx, cy, r, upright, scale } = this, big = 3 * r, wide = distance * scale, isFar = wide > FARTHEST * r;
+    const half = (isFar ? FARTHEST * r : max(-r, wide)) / 2 + big;
     for (const [circle, side] of [[this.lower, upright ? 1 : -1], [this.upper, upright ? -1 : 1]]) {
       set(circle, upright ? { cx, cy: (cy + side * half).toFixed(2), r: big } : { cx: (cx + side * half).toFixed(2), cy, r: big });
     }
     set(this.stalk, { x1: touch[0], y1: touch[1], x2: cx - r, y2: cy });
+    text(this.times, isFar ? "" : this.power);
     const isTouch = abs(distance) < this.least;
     set(this.value, { x: isTouch ? cx + r : cx, "text-anchor": isTouch ? "end" : "middle" });
     text(this.value, isTouch ? plain("touching") : quantity(distance, "m", 2));

@@ -10,7 +10,6 @@ import { printPack } from "./pack.mjs";
 import { contactsCsv } from "./panels.mjs";
 import { Picture } from "./picture.mjs";
 import { Predict } from "./predict.mjs";
-import { whenResized } from "./resize.mjs";
 import { Spoken } from "./spoken.mjs";
 import { another, GUESS, LAB, OPENING, screenOf, startOf, Story } from "./story.mjs";
 import { Tongue } from "./tongue.mjs";
@@ -41,6 +40,7 @@ class Page {
     this.picture = new Picture({
       balls: data.balls, picked: (values) => this.change(values), guessed: (guess) => this.predict.take(guess),
       stopped: () => follow(() => this.current()), ended: () => this.predict.ended(), predict: this.predict,
+      resized: () => this.redraw(),
     });
     this.clock = this.picture.clock;
   }
@@ -62,8 +62,6 @@ class Page {
     set($(".link-button"), { onclick: () => copyLink($(".link-button"), this.current()) });
     set($(".print-button"), { onclick: () => print() });
     set($(".pack-button"), { onclick: () => printPack(location.href.split("#")[0] + written({ ...startOf(OPENING), screen: OPENING, at: null, lang: languageNow() }), this.state.guesses) });
-    whenResized(() => this.redraw());
-    set($(".times"), { ontoggle: () => this.redraw() }); // charts that were not to be seen have no width
     set(window, { onhashchange: () => this.arrive(), onpopstate: () => this.arrive() });
     explainTerms();
   }
@@ -104,7 +102,6 @@ class Page {
     this.state.values = name === this.state.name ? this.state.values : cleaned(name, { eps, gap, k });
     Object.assign(this.state, { name, told: [] });
     this.run();
-    this.redraw(); // charts come and go, and share the width
     this.rest();
   }
 
@@ -148,7 +145,7 @@ class Page {
     const { screen, name, values } = this.state, { only, presets } = screenOf(screen);
     const isOther = this.told !== `${screen} ${languageNow()}`;
     if (isOther) this.arrange(screen);
-    document.body.dataset.scene = name;
+    this.story.suggest(name);
     this.classroom.load(this.state.guesses);
     this.controls.load(name, values, { only, presets: presets?.() });
     if (isOther) this.picture.measure();

@@ -52,18 +52,15 @@ function deepNote(scene, contacts) {
 }
 
 function figures({ scene, hard, soft, pairs, finals }, setup) {
-  const top = pairs.at(-1), last = scene.mass.length - 1;
+  const top = pairs.at(-1), last = scene.mass.length - 1, isPair = pairs.length > 1 || !scene.gravity; // of balls
   const number = (run) => digits(setup.measure(run), 3);
   const count = (run) => (isEarly(run) ? `${run.contacts.length}+` : String(run.contacts.length));
   const shared = soft.impulse > 0 ? round((100 * soft.shared) / soft.impulse) : 0;
   const parts = [
-    ["figure-contacts", count(hard), count(soft), say("figure-contacts-of", top)],
-    [`figure-${setup.measured}`, number(hard), number(soft), undecided(finals, last, scene) || (scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] }))],
+    ["figure-contacts", count(hard), count(soft), isPair ? say("figure-contacts-of", top) : ""],
+    [`figure-${setup.measured}${isPair ? "" : "-of-one"}`, number(hard), number(soft), undecided(finals, last, scene) || (scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] }))],
   ];
-  if (scene.gravity) {
-    parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), ""]);
-  }
-  parts.push(["figure-shared", ...[0, shared].map((n) => say("percent", { n })), say("figure-binary")]);
+  if (isPair) parts.push(["figure-shared", ...[0, shared].map((n) => say("percent", { n })), say("figure-binary")]);
   showFigures($(".figures"), parts);
 }
 
@@ -103,11 +100,11 @@ function bars(chart, rows, n, names) {
 const finite = (rows) => rows.flatMap(([, values]) => values).filter(Number.isFinite);
 
 function drawRises(chart, { scene, finals }) {
-  const n = scene.mass.length - 1, rows = ENGINES.map((e) => [e, finals[e].slice(1).map((f) => f.rise)]);
+  const { kinds, mass } = scene, n = mass.length - 1, rows = ENGINES.map((e) => [e, finals[e].slice(1).map((f) => f.rise)]);
   const top = max(scene.drop, ...finite(rows));
   chart.scales([-0.6, n - 0.4], [0, 1.14 * top]);
   chart.yTicks(ticks([0, top], 4), tickName, "m");
-  bars(chart, rows, n, (i) => (n > 4 ? String(i + 1) : plain("ball", { n: i + 1 })));
+  bars(chart, rows, n, (i) => (kinds[i + 1] ? plain(`ball-${kinds[i + 1]}`) : n > 4 ? String(i + 1) : plain("ball", { n: i + 1 })));
   chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
   describe(chart, "rises-said", rows, "m");
 }

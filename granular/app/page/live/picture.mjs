@@ -15,6 +15,7 @@ import { Measured } from "./measured.mjs";
 import { Panels } from "./panels.mjs";
 import { printsWell } from "./print.mjs";
 import { Spread } from "./real.mjs";
+import { whenResized } from "./resize.mjs";
 import { Sound } from "./sound.mjs";
 import { Stage } from "./stage.mjs";
 import { titleOf } from "./sliders.mjs";
@@ -26,8 +27,9 @@ import { max } from "../physics/numbers.mjs";
 const LEISURE = 9, NINE = 9.4, FIRST_TIME = 0.012; // s for the contacts in the laboratory; drop heights that the textbook needs; s: a stiffer ball is drawn as large
 
 export class Picture {
-  // `picked`: other values; `guessed`: a height; `stopped`: at another time; `ended`: the film; `predict`: what is covered and guessed.
-  constructor({ balls, picked, guessed, stopped, ended, predict }) {
+  // `picked`: other values; `guessed`: a height; `stopped`: at another time; `ended`: the film; `predict`: what is covered and guessed;
+  // `resized`: the stage or a chart.
+  constructor({ balls, picked, guessed, stopped, ended, predict, resized }) {
     Object.assign(this, { stopped, predict, slow: null });
     this.later = new Later();
     this.stage = new Stage($(".stage"), { taken: (kind, value) => (kind === "guess" ? guessed(value) : picked({ [kind]: value })), poised: (isFar) => this.clock.poise(isFar) });
@@ -40,6 +42,7 @@ export class Picture {
     this.curve = new Curve((gap) => picked({ gap: Number(gap.toPrecision(3)) }));
     this.measured = new Measured();
     this.clock = new FilmClock(document, { show: (now) => this.show(now), stops: () => this.stops(), locked: () => predict.covered, paced: (seconds) => this.pace(seconds), ended, say });
+    whenResized([...this.stage.hosts, ...this.drawn.map((chart) => chart.host)], () => this.stage.isOff || this.drawn.some((chart) => chart.isOff), resized);
     printsWell(this);
   }
 
@@ -126,8 +129,12 @@ export class Picture {
     $(".stage-box").scrollIntoView({ block: "nearest" });
   }
 
+  get drawn() {
+    return [...this.charts.all, this.distance.chart, this.panels.rises, this.curve.chart, this.measured.chart];
+  }
+
   measure() {
-    Chart.measure([...this.charts.all, this.distance.chart, this.panels.rises, this.curve.chart, this.measured.chart]);
+    Chart.measure(this.drawn);
     this.stage.measure();
   }
 }

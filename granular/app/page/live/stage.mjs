@@ -42,7 +42,15 @@ export class Stage {
 
   // Asking for sizes makes the browser lay out the page: both at once, only at the start and when what is shown changes.
   measure() {
-    this.sizes = this.hosts.map((one) => [one.clientWidth || 280, one.clientHeight || 320, one.clientWidth > 0]);
+    this.sizes = this.seen();
+  }
+
+  seen() {
+    return this.hosts.map((one) => [one.clientWidth || 280, one.clientHeight || 320, one.clientWidth > 0]);
+  }
+
+  get isOff() {
+    return `${this.seen()}` !== `${this.sizes}`;
   }
 
   show(frame) {

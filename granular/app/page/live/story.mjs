@@ -50,6 +50,11 @@ export class Story {
     scrollTo(0, 0);
   }
 
+  // What to try in a scene of the laboratory.
+  suggest(name) {
+    if (this.screen === LAB) told($(".story-text").lastChild, `try-${name}`);
+  }
+
   load(screen) {
     this.screen = screen;
     document.body.dataset.screen = screen;
@@ -63,7 +68,7 @@ export class Story {
     });
     told($(".story-title"), `s${screen}-title`);
     const keys = ["a", "b", "c"].map((part) => `s${screen}-${part}`).filter(has);
-    const paragraphs = keys.map((key) => h("p", {}));
+    const paragraphs = [...keys, ...(screen === LAB ? [""] : [])].map(() => h("p", {}));
     $(".story-text").replaceChildren(...paragraphs);
     keys.forEach((key, i) => told(paragraphs[i], key));
     $(screenOf(screen).predict ? ".why" : ".story-text").after($(".story-turn")); // a guess comes before what is next

@@ -31,6 +31,7 @@ export class Upright {
     const shape = JSON.stringify([look.kinds, scene.radius, w, tall]);
     if (shape !== this.shape) this.build();
     this.shape = shape;
+    set(this.svg, { viewBox: `0 0 ${w} ${tall}` }); // balls that lie share it
     if (this.svg.firstChild !== this.ruler) this.svg.replaceChildren(...this.layers, this.lens.element);
     set(this.lens.element, { display: look.watched ? null : "none" });
     this.drawRuler();
@@ -41,7 +42,6 @@ export class Upright {
 
   build() {
     const { w, tall, engine, camera } = this, floor = camera.down(0);
-    set(this.svg, { viewBox: `0 0 ${w} ${tall}` });
     set(this.base, { x1: 8, x2: w - 8, y1: floor, y2: floor, class: "floor" });
     this.each = this.look.kinds.map((kind, i) => (i === 0 ? null : ballOf(kind, `${engine}-${i}`)));
     this.balls.replaceChildren(...this.each.slice(1).map((ball) => ball.element));

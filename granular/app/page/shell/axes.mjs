@@ -5,23 +5,29 @@ import { digits, superscript } from "./format.mjs";
 
 const MARGIN = { left: 56, right: 18, top: 8, bottom: 38 };
 
+const widthIn = (host) => Math.max(200, host.clientWidth);
+
 export class Chart {
   constructor(host, { height, left = MARGIN.left, top = MARGIN.top }) {
     Object.assign(this, { host, height, top, left });
     this.grid = svg("g", { class: "grid" });
-    this.body = svg("g", { class: "body" });
-    this.head = svg("line", { class: "playhead", y1: 2, y2: height - MARGIN.bottom, visibility: "hidden" });
-    this.svg = svg("svg", { role: "img", height, class: "chart" }, this.grid, this.body, this.head);
+    [this.body, this.words] = ["body", "words"].map((name) => svg("g", { class: name }));
+    this.head = svg("line", { class: "playhead", y1: top - 4, y2: height - MARGIN.bottom, visibility: "hidden" });
+    this.svg = svg("svg", { role: "img", height, class: "chart" }, this.grid, this.body, this.head, this.words);
     host.append(this.svg);
     this.width = 600;
     this.resize(height);
   }
 
-  // Asking for a width makes the browser lay out the page: of all charts at once, at the start and when the window changes.
+  get isOff() {
+    return this.host.clientWidth > 0 && this.width !== widthIn(this.host);
+  }
+
+  // Asking for a width makes the browser lay out the page: of all charts at once, at the start and when a width changes.
   static measure(charts) {
-    const widths = charts.map((chart) => chart.host.clientWidth);
+    const widths = charts.map(({ host, width }) => (host.clientWidth ? widthIn(host) : width));
     charts.forEach((chart, i) => {
-      chart.width = Math.max(200, widths[i] || chart.width);
+      chart.width = widths[i];
       chart.resize(chart.height);
     });
   }
@@ -39,13 +45,13 @@ export class Chart {
     this.y = (v) => b - ((v - y0) / (y1 - y0)) * (b - t);
     this.back = (px) => x0 + ((px - l) / (r - l)) * (x1 - x0);
     [this.xs, this.ys] = [[x0, x1], [y0, y1]];
-    [this.frame, this.marks, this.nameY] = ["", "", ""];
+    [this.frame, this.marks, this.notes, this.nameY] = ["", "", "", ""];
   }
 
   // `said`: what there is to be seen, for who does not see it.
   finish(said) {
     set(this.svg, { "aria-label": said });
-    for (const [group, written] of [[this.grid, this.frame], [this.body, this.marks + this.nameY]]) {
+    for (const [group, written] of [[this.grid, this.frame], [this.body, this.marks], [this.words, this.notes + this.nameY]]) {
       if (group.written !== written) group.innerHTML = group.written = written;
     }
   }
@@ -66,7 +72,7 @@ export class Chart {
       this.frame += markup("line", { x1: this.left, x2: this.width - MARGIN.right, y1: y, y2: y });
       this.frame += markup("text", { x: this.left - 6, y: y + 4, "text-anchor": "end" }, format(v));
     }
-    this.nameY = name ? markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name over" }, name) : "";
+    this.nameY = name ? markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name" }, name) : "";
   }
 
   add(tag, attributes) {
@@ -74,7 +80,7 @@ export class Chart {
   }
 
   note(content, x, y, name = "axis-name", anchor = "start") {
-    this.marks += markup("text", { x, y, "text-anchor": anchor, class: name }, content);
+    this.notes += markup("text", { x, y, "text-anchor": anchor, class: name }, content);
   }
 
   // Lines through [x, y] data, all in one element; a break where y is not a number.
