@@ -73,9 +73,9 @@ def point_positions(scene: Scene, gap: Array, position: Array) -> Array:
 def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:
     """Compute velocities of all bodies from the rates of the gaps.
 
-    The rates are summed, and the sums are shifted to the velocity of the anchor (see `Scene.anchor_velocity`). Without
-    a wall, the shift to the velocity of the centre of mass is applied twice. In long chains the rounding error of the
-    first shift would change the velocity of every ball.
+    The rates are summed, and the sums are shifted to the velocity of the anchor (see `Scene.anchor_velocity`). A second
+    wall has the velocity of its own motion. Without a wall, the shift to the velocity of the centre of mass is applied
+    twice. In long chains the rounding error of the first shift would change the velocity of every ball.
 
     Parameters
     ----------
@@ -94,6 +94,8 @@ def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) ->
     offset, anchor = cumulative_sums(rate[..., : scene.n - 1]), scene.anchor_velocity(elapsed, start)
     if scene._wall is not None:
         offset += (anchor - offset[:, scene._wall])[:, None]
+        if scene._wall < (last := scene.n - 1) and scene.is_wall[last]:  # exact, without the rounding of the sum
+            offset[:, last] = scene.velocity[last] + scene._moved(last, elapsed, start)[1]
         return offset
     # the second pass removes the rounding error of the first one
     for _ in range(2):
