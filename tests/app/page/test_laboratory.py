@@ -115,7 +115,7 @@ def test_a_lens_is_never_empty(blank, story) -> None:
     go(blank, f"{story}#scene=three-balls")
     inside = "[...document.querySelectorAll('.stage .hard .lens-ball')].map((one) => one.cy.baseVal.value)"
     middle, times = "document.querySelector('.stage .hard .lens-rim')", ".stage .hard .lens-times"
-    (lower, upper), cy, r = blank.run(inside), blank.run(f"{middle}.cy.baseVal.value"), blank.run(f"{middle}.r.baseVal.value")
+    (lower, upper), (cy, r) = blank.run(inside), [blank.run(f"{middle}.{one}.baseVal.value") for one in ("cy", "r")]
     assert lower - 3 * r < cy + r
     assert upper + 3 * r > cy - r
     assert text(blank, times) == ""

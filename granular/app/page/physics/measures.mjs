@@ -108,11 +108,12 @@ export function ownDifference(hard, twin, unit) {
   return { predictable: sqrt(off / scale), shift: largest(balls) / unit };
 }
 
-// Hard runs under the other tie rules, by rule, where balls touch or collide at once.
+// Hard runs under the other tie rules, by rule, where balls touch or collide at once. Poisson's rule is not defined for balls
+// that stick, and is left out where they do.
 export function otherAnswers(hard, eps, ties) {
   const { scene, contacts } = hard, maxEvents = PERSISTENCE * (contacts.length + scene.mass.length);
   const met = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && abs(c.pair - contacts[i - 1].pair) === 1);
   if (scene.mass.length < 3 || !(met || scene.gap.includes(0))) return [];
-  const names = OTHERS.filter((name) => name !== ties);
-  return names.map((name) => [name, settledRun(scene, eps, { ties: name, maxEvents })]);
+  const names = OTHERS.filter((name) => name !== ties && !(name === "poisson" && hard.sticks > 0));
+  return names.map((name) => [name, settledRun(scene, eps, { ties: name, maxEvents })]).filter(([name, run]) => !(name === "poisson" && run.status === "collapse"));
 }
