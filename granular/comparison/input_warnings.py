@@ -29,16 +29,29 @@ MIN_DENSITY, MAX_DENSITY, MAX_WAVE_SPEED = 0.15, 23_000.0, 20_000.0
 Aerographene has 0.16 and osmium 22 590 kg/m³, and diamond 18 000 m/s. The speed of sound has no lower limit:
 soft balls have deep overlaps, which are reported.
 """
+DEPTH_WARNING = "pair {pair} overlaps by {share} of the smaller radius{others}; force laws are valid up to about 10 %"
+SPEED_WARNING = "pair {pair} collides at {share} of the speed of contact waves{others}"
+MAX_FRACTION, MAX_NAMED_PAIRS = 0.1, 3  # largest overlap and speed without a warning; pairs that a warning names
 
 
 def warnings(report: ComparisonWithAnswer) -> list[str]:
     """Return warnings about the input, one sentence each.
 
     The warnings concern attractive force laws, different ε of law and rule, merged balls, properties that no solid has,
-    and deep overlaps. The first warning is part of the short report. Attraction is first, because both models omit it.
+    and deep overlaps. Attraction is first, because both models omit it.
     """
     return [*_attraction_warnings(report), *_restitution_warnings(report), *_remedy_warnings(report),
             *_solid_warnings(report), *_overlap_and_speed_warnings(report)]
+
+
+def short_warning_lines(report: ComparisonWithAnswer) -> list[str]:
+    """Warnings in at most two lines.
+
+    If there are three or more, the second line contains the facts without their explanations.
+    """
+    first, *more = warnings(report) or [""]
+    facts = ["; ".join(one.partition(";")[0] for one in more)] if len(more) > 1 else more
+    return [f"warning: {one}" for one in (first, *facts) if one]
 
 
 def _restitution_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
@@ -122,10 +135,11 @@ def _overlap_and_speed_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
                         for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))
     shortest = np.minimum.reduceat(log["duration"], starts[touching])
     depths, speeds = deepest / size, fastest * (shortest / (2.0 * math.pi * size))
-    name = report.scene.pairs.name
-    for c, depth, speed in zip(touching.tolist(), depths, speeds, strict=True):
-        if depth > 0.1:
-            yield (f"pair {name(c)} overlaps by {percent(depth)} of the smaller radius; force laws are valid up to "
-                   "about 10 %")
-        if speed > 0.1:
-            yield f"pair {name(c)} collides at {percent(speed)} of the speed of contact waves"
+    for values, sentence in ((depths, DEPTH_WARNING), (speeds, SPEED_WARNING)):
+        large = sorted(np.flatnonzero(values > MAX_FRACTION).tolist(), key=lambda i: -values[i])
+        named = [(report.scene.pairs.name(int(touching[i])), percent(values[i])) for i in large[:MAX_NAMED_PAIRS]]
+        others = [f"{pair}: {share}" for pair, share in named[1:]]
+        if more := len(large) - len(named):
+            others.append(f"{more} more")
+        for pair, share in named[:1]:
+            yield sentence.format(pair=pair, share=share, others=f" (also {', '.join(others)})" if others else "")

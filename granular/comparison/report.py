@@ -21,7 +21,7 @@ from granular._engine.reports import (
     unit_of,
 )
 from granular.comparison import measures
-from granular.comparison.input_warnings import SAME_RESTITUTION, warnings
+from granular.comparison.input_warnings import SAME_RESTITUTION, short_warning_lines, warnings
 from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, PairOutcome, counts
 from granular.md import isolation
 from granular.run.trajectory import Trajectory
@@ -57,7 +57,6 @@ def text(report: ComparisonWithAnswer) -> str:
 
     It contains the verdict, its reason, and the largest difference of the engines.
     """
-    first, *more = warnings(report) or [""]
     return "\n".join(
         [
             report.verdict,
@@ -71,7 +70,7 @@ def text(report: ComparisonWithAnswer) -> str:
             *_pair_lines(report, SHORT_PAIR_COUNT),
             *_end_lines(report),
             *_format_known(MEASURE_FORMATS, _error_values(report)),
-            *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
+            *short_warning_lines(report),
             DETAILS_HINT,
         ]
     )

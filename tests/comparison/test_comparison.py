@@ -90,14 +90,25 @@ def test_what_one_needs_is_within_twenty_lines(name):
     assert all(line.startswith(("2 balls", "5 balls", "1 ball", "8 balls", "3 balls", "(")) for line in own)
 
 
-def test_warnings_are_one_line_of_what_one_needs():
+def test_every_warning_is_a_line_of_what_one_needs():
+    """The short report named the first one only. Pairs with the same warning share a line."""
     scene, end = gr.scenes.three_balls(density=9e6), gr.until.contact(0, 2)
     report = gr.compare(scene, gr.LinearDashpot(5e7, 100.0), gr.ConstantRestitution(0.5), until=end)
     first, *more = warnings(report)
-    assert more
-    assert f"\nwarning: {first} (and {len(more)} more)\n" in str(report)
+    facts = "; ".join(one.partition(";")[0] for one in more)
+    assert [one.split()[0] for one in more] == ["density", "pair", "pair"]
+    assert str(report).splitlines()[-3:-1] == [f"warning: {first}", f"warning: {facts}"]
     assert len(str(report).splitlines()) <= 20
-    assert report.details().splitlines()[-len(more) - 1 :] == [f"warning: {one}" for one in (first, *more)]
+    assert report.details().splitlines()[-4:] == [f"warning: {one}" for one in (first, *more)]
+    scene = gr.scenes.ball_stack(5, 0.5, gap=1e-3)
+    soft = [gr.LinearDashpot.from_restitution(0.7, 1e4, pair) for pair in scene.pairs]
+    report = gr.compare(scene, soft, until=gr.until.contact(0, 2))
+    (line,) = [one for one in str(report).splitlines() if "overlaps by" in one]
+    assert line.endswith("force laws are valid up to about 10 %")
+    pairs = re.findall(r"(\w+–\w+)(?: overlaps by|:) (\d+) %", line)
+    assert [name for name, _ in pairs] == ["floor–1", "1–2", "2–3"]
+    assert sorted((int(share) for _, share in pairs), reverse=True) == [int(share) for _, share in pairs]
+    assert line.count(" more") == 1
 
 
 @pytest.mark.parametrize("seed", range(8))

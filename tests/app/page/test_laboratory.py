@@ -68,7 +68,7 @@ def test_pictures_fill_their_boxes_however_a_scene_is_reached(blank, story) -> N
 
 
 FIGURES = """
-[...document.querySelectorAll('.figure')].map((one) => [...one.children].map((part) => part.textContent.replace('\u00a0', ' ')))
+[...document.querySelectorAll('.figure')].map((one) => [...one.children].map((part) => part.textContent))
 """
 
 
