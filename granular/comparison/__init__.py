@@ -2,7 +2,7 @@
 
 Start with: `run`, `answer`.
 Support modules: `against`, `align`, `episodes`, `figure`, `film`, `further`, `input_warnings`, `measures`,
-`numbers`, `outcome`, `reason_texts`, `remedies`, `report`, `view`.
+`numbers`, `outcome`, `reason_texts`, `remedies`, `report`, `view`, `zoom`.
 """
 
 from typing import TYPE_CHECKING

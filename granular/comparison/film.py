@@ -1,7 +1,8 @@
 """Films of a comparison: both engines side by side.
 
 A film has two pages. The page `flight_page` shows fall and flight in real time next to a ruler, the page `contact_page`
-shows the contacts in slow motion. Stages have the same places on both, and balls stand on each other. On the page
+shows the contacts in slow motion. Stages have the same places on both, and balls stand on each other. Between the
+pages the balls grow or shrink as by one camera, see `Zoom`, while time stands still. On the page
 `contact_page` the sizes of balls are square roots of their radii, and balls are flattened in contact. Paths and
 overlaps are enlarged by a common factor that makes them visible. Every flying ball stops at its own apex, which is
 marked with its height. The height of the top ball is `Comparison.rises`. The teaching page shows the same sequence, see
@@ -12,7 +13,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from granular._engine.reports import GREY_COLOUR
 from granular.comparison.figure import MAX_FORCE_CURVES, draw_contacts, draw_runs, force_curve, repeat_both_runs
 from granular.comparison.further import Continuation, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
+from granular.comparison.zoom import ZOOM_SECONDS, Zoom
 from granular.run.figures import INK_COLOUR, LINE_COLOURS, MAX_LABELS
 from granular.run.films import FONT_FAMILY, Page, blank_page, check, drawn_radii, film_speed, prepare_page, write_film
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
@@ -31,7 +32,7 @@ from granular.scene import Scene
 if TYPE_CHECKING:
     from granular.comparison.answer import ComparisonWithAnswer
 
-STOP_SECONDS, END_SECONDS = 0.9, 1.2  # duration in s of the stop at the floor, and of the end
+STOP_SECONDS, END_SECONDS = 0.6, 1.2  # duration in s of the stop at the floor before the zoom, and of the end
 # shortest flight, and longest shown part of flight and fall, in s
 MIN_FLIGHT_TIME, MAX_SHOWN_SECONDS = 0.2, 6.0
 MIN_SLOWDOWN = 10.0  # contacts that are slowed down less have no separate act
@@ -115,12 +116,18 @@ class Story:
         when, top = self.tops[name].T
         return np.where(times[:, None] >= when, top, Continuation(self.view.report, name).heights(times))
 
-    def pictures(self) -> list[tuple[Page, int]]:
-        """Page of every frame, and number of the frame on its page, in order."""
-        contacts, flight_number = contact_page(self), count()
-        flights = flight_page(self) if len(self.acts) > 1 else contacts
-        return [(contacts, k) if name == "slow" else (flights, next(flight_number))
-                for name, times in self.acts.items() for k in range(len(times))]
+    def pictures(self) -> list[tuple[Page | Zoom, int]]:
+        """Page or zoom of every frame, and number of the frame in it, in order."""
+        contacts, slow = contact_page(self), [*range(len(self.acts["slow"]))]
+        if len(self.acts) == 1:
+            return [(contacts, k) for k in slow]
+        flights, before = flight_page(self), len(self.acts["fall"]) + len(self.acts["stop"])
+        after, zoomed = sum(map(len, self.acts.values())) - before - len(slow), range(round(ZOOM_SECONDS * self.fps))
+        inward = Zoom((flights, before - 1), (contacts, 0), len(zoomed), True)
+        outward = Zoom((flights, before), (contacts, slow[-1]), len(zoomed), False)
+        return [*((flights, k) for k in range(before)), *((inward, k) for k in zoomed),
+                *((contacts, k) for k in slow), *((outward, k) for k in zoomed),
+                *((flights, before + k) for k in range(after))]
 
     def page(self, panels: dict[str, float], width: float) -> Page:
         """Return an empty page: one stage of balls per engine, and panels for charts.
@@ -189,7 +196,8 @@ def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array)
     def raised(height: float) -> Any:
         return transforms.offset_copy(axis.transData, page.figure, 0.0, height, "points")
 
-    axis.plot([-0.9, 0.9], [0.0, 0.0], color=INK_COLOUR, lw=2, transform=raised(-stacked[-1]), gid="floor")
+    floor = axis.plot([-0.9, 0.9], [0.0, 0.0], color=INK_COLOUR, lw=2, transform=raised(-stacked[-1]), gid="floor")
+    page.moving.append((floor[0], np.zeros((len(time), 2))))
     for body, diameter, offset in zip(balls.tolist(), size, stacked - stacked[-1], strict=True):
         when, top = story.tops[name][body]
         mark_height = np.where(time >= when, top, -2.0 * axis.get_ylim()[1])

@@ -5,12 +5,12 @@ A page of a film has one stage per engine, on which the balls move, and panels w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -74,6 +74,15 @@ def check_film(path: str | PathLike[str]) -> str:
     return choice(f"the suffix of {Path(path).name}", Path(path).suffix.lower(), FILM_SUFFIXES)
 
 
+class Frames(Protocol):
+    """Part of a film: a figure, and a method that returns the pixels of frame number `k`."""
+
+    figure: Any
+
+    def show(self, k: int) -> Any:
+        """Draw frame number `k` and return its pixels."""
+
+
 @dataclass(eq=False)
 class Page:
     """Page of a film: a figure with stages, panels and moving artists.
@@ -89,12 +98,15 @@ class Page:
     moving : list of (artist, (count, 2 or 4) array)
         Artists that move, each with its displacement in every frame, in the coordinates in which it is drawn. Columns
         three and four are factors of width and height.
+    canvas : matplotlib canvas or None
+        The canvas of the frames, None before the first one.
     """
 
     figure: Any
     axes: dict[str, Any]
     panels: list[Any]
     moving: list[tuple[Any, Array]] = field(default_factory=list)
+    canvas: Any = None
 
     def tell(self, axes: list[Any], clock_values: Array, titles: list[str]) -> None:
         """Add a line at the current time to the axes, and a title to the first axis.
@@ -112,14 +124,15 @@ class Page:
         self.moving += [(axis.axvline(0.0, color=INK_COLOUR, lw=1.0, gid="clock"), path) for axis in axes]
         self.moving.append((axes[0].set_title(max(titles, key=len), loc="left", color=INK_COLOUR), 0.0 * path))
 
-    def show(self, k: int) -> Any:
+    def show(self, k: int, without: Collection[str] = ()) -> Any:
         """Draw frame number `k` and return its pixels.
 
-        Artists that do not move are drawn once, in frame 0.
+        Artists that do not move are drawn once, before the first frame. Artists with a name (gid) in `without` are
+        left out.
         """
         from matplotlib import artist as artists, transforms
 
-        if k == 0:
+        if self.canvas is None:
             self.canvas = import_optional("matplotlib.backends.backend_agg", "animate").FigureCanvasAgg(self.figure)
             for artist, _ in self.moving:
                 artist.set_animated(True)
@@ -133,7 +146,8 @@ class Page:
         for (artist, path), place in zip(self.moving, self.places, strict=True):
             artist.set_transform(transforms.Affine2D().scale(*path[k, 2:]).translate(*path[k, :2]) + place
                                  if path.shape[1] == 4 else transforms.Affine2D().translate(*path[k]) + place)
-            artist.axes.draw_artist(artist)
+            if artist.get_gid() not in without:
+                artist.axes.draw_artist(artist)
         return self.canvas.buffer_rgba()
 
 
@@ -241,10 +255,11 @@ def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
         shift, squeeze = flattened(places * scale, radius, scene.is_wall)
         along = offset + np.cumsum(2.0 * radius) - radius + (places - low) * scale + shift
         for body, (wall, r, place) in enumerate(zip(scene.is_wall, radius, along.T, strict=True)):
-            drawn = axis.plot(*([-BALL_RADIUS, BALL_RADIUS], [0.0, 0.0])[::step], color=INK_COLOUR, lw=2) if wall else [
-                axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4)),
+            drawn = axis.plot(*([-BALL_RADIUS, BALL_RADIUS], [0.0, 0.0])[::step], color=INK_COLOUR, lw=2,
+                               gid="floor") if wall else [
+                axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4, gid="ball")),
                 axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, family=FONT_FAMILY,
-                          ha="center", va="center", clip_on=True),
+                          ha="center", va="center", clip_on=True, gid="number"),
             ]
             path = np.stack([0.0 * place, place][::step], 1)
             factors = np.stack([np.minimum(MAX_BULGE, 1.0 / squeeze[:, body]), squeeze[:, body]][::step], 1)
@@ -285,7 +300,7 @@ def drawn_radii(scene: Scene) -> Array:
     return np.where(scene.is_wall, 0.0, drawn)
 
 
-def write_film(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps: int) -> None:
+def write_film(path: str | PathLike[str], pictures: Sequence[tuple[Frames, int]], fps: int) -> None:
     """Write a film atomically.
 
     `pictures` contains a page and a frame number for each frame.
@@ -294,7 +309,7 @@ def write_film(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps:
     files.write(path, lambda draft: write(pictures, draft, fps))
 
 
-def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
+def _save_gif(pictures: Sequence[tuple[Frames, int]], draft: str, fps: int) -> None:
     """Write a GIF film with a common palette of 64 colours.
 
     Compared with one palette per frame, this takes half the time and a quarter of the size.
@@ -306,7 +321,7 @@ def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
     first.save(draft, save_all=True, append_images=others, duration=int(1000 / fps), loop=0)
 
 
-def _save_mp4(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
+def _save_mp4(pictures: Sequence[tuple[Frames, int]], draft: str, fps: int) -> None:
     """Write an MP4 film with ffmpeg, one frame after the other."""
     figure, frames = pictures[0][0].figure, (page.show(k) for page, k in pictures)
     figure.savefig = lambda file, **_: file.write(next(frames))  # the writer calls it for each frame

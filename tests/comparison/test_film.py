@@ -8,6 +8,7 @@ import granular as gr
 from granular.comparison import further
 from granular.comparison.film import END_SECONDS, MAX_SHOWN_SECONDS, STOP_SECONDS, Story, flight_page, stack_points
 from granular.comparison.view import window
+from granular.comparison.zoom import ZOOM_SECONDS, Zoom
 from granular.run.films import flattened
 
 pytest.importorskip("matplotlib")
@@ -16,6 +17,11 @@ pytest.importorskip("matplotlib")
 def compared(scene, **options):
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     return gr.compare(scene, law, **options)
+
+
+def pages_of(story):
+    """The pictures of a film without those between two pages."""
+    return [(page, k) for page, k in story.pictures() if not isinstance(page, Zoom)]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +50,7 @@ def test_a_fall_has_three_times_each_with_its_own_rate(two):
     assert len(shown["slow"]) == 6 * fps
     assert 1.0 / (fps * np.diff(shown["slow"])) == pytest.approx(6.0 / 900e-6, rel=0.02)
     pictures = story.pictures()
-    contacts = pictures[len(shown["fall"]) + len(shown["stop"])][0]
+    contacts = pictures[len(shown["fall"]) + len(shown["stop"]) + round(ZOOM_SECONDS * fps)][0]
     assert contacts.titles[0].startswith("slowed 6 700 ×")
     assert pictures[-15][0].titles[-25:-24] == ["flying, in real time"]
     top = gr.edmd.simulate(two.report.scene, two.report.rule, t_end=1.2, samples=np.linspace(0.4, 1.2, 801))
@@ -76,7 +82,7 @@ def test_one_slow_motion_where_it_is_asked_for_or_nothing_falls(two, cradle):
 @pytest.mark.rotating
 @pytest.mark.parametrize(("name", "charts"), [("two", True), ("cradle", False)])
 def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, request):
-    pictures = Story(request.getfixturevalue(name), 1.0, 10, charts=charts).pictures()
+    pictures = pages_of(Story(request.getfixturevalue(name), 1.0, 10, charts=charts))
     assert all(("time" in page.axes) is not charts and len(page.axes) >= 3 for page, _ in pictures)
     for page, k in pictures:
         pixels = np.asarray(page.show(k))
@@ -229,7 +235,7 @@ def test_balls_in_contact_are_flattened_and_never_below_the_floor():
 
 
 def test_stages_keep_their_places_and_balls_stand_on_each_other(two):
-    pages = {page for page, _ in Story(two, 1.0, 5).pictures()}
+    pages = {page for page, _ in pages_of(Story(two, 1.0, 5))}
     assert len(pages) == 2
     for page in pages:
         page.show(0)
@@ -238,3 +244,32 @@ def test_stages_keep_their_places_and_balls_stand_on_each_other(two):
     assert middles[0] == pytest.approx(middles[1], abs=0.02)
     size, stacked = stack_points(two.report.scene)
     assert stacked == pytest.approx([0.0, size[0]])
+
+
+def test_one_camera_moves_between_the_far_and_the_near_view(two):
+    """From picture to picture balls grow by less than a fifth, and the lower one is as near to its floor."""
+    fps = 25
+    story = Story(two, 1.0, fps)
+    pictures = story.pictures()
+    inward, outward = dict.fromkeys(page for page, _ in pictures if isinstance(page, Zoom))
+    assert len(pictures) == sum(map(len, story.acts.values())) + 2 * inward.count
+    assert 0.5 <= inward.count / fps <= 0.8
+    pages = [page for page, _ in pictures]
+    first = len(story.acts["fall"]) + len(story.acts["stop"])
+    assert pages.index(inward) == first
+    assert pages[first + inward.count + len(story.acts["slow"])] is outward
+    for zoom in (inward, outward):
+        heights = []
+        for k in range(zoom.count):
+            assert np.asarray(zoom.show(k)).shape == np.asarray(zoom.far[0].show(zoom.far[1])).shape
+            for drawn in zoom.drawn:
+                lower, floor = drawn["ball"][0], drawn["floor"][0].get_ydata()[0]
+                if zoom is inward:  # the balls are about to touch the floor
+                    assert -0.5 < lower.center[1] - 0.5 * lower.height - floor < 0.08 * lower.height
+            heights.append(zoom.drawn[0]["ball"][0].height)
+        ends = [end[0]["ball"][0][2] for end in zoom.ends]
+        sizes = np.array([ends[0], *heights, ends[1]] if zoom is inward else [ends[1], *heights, ends[0]])
+        growth = sizes[1:] / sizes[:-1] if zoom is inward else sizes[:-1] / sizes[1:]
+        assert (growth >= 1.0).all()
+        assert growth.max() < 1.2
+        assert sizes.max() / sizes.min() > 3.0
