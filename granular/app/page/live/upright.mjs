@@ -147,9 +147,10 @@ export class Upright {
   }
 
   ghostBall(low, r, words) {
-    const y = this.camera.down(low + r), edge = this.camera.down(low);
+    const y = this.camera.down(low + r), edge = this.camera.down(low), { cx, cy, r: glass } = this.lens, half = 0.5 * NAME_SIZE * widthOf(words);
+    const isByLens = this.look.watched && abs(y - r - 7 - cy) < glass + 20, x = isByLens ? max(half, min(this.x, cx - glass - 6 - half)) : this.x;
     return markup("circle", { cx: this.x, cy: y, r, class: "ghost" }) + markup("line", { x1: LEFT, x2: this.w - 8, y1: edge, y2: edge, class: "ghost-line" })
-      + markup("text", { x: this.x, y: y - r - 7, "text-anchor": "middle", class: "guess-text" }, words).replace(/_(\w)(.*)<\/text>/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">$2</tspan></text>');
+      + markup("text", { x, y: y - r - 7, "text-anchor": "middle", class: "guess-text" }, words).replace(/_(\w)(.*)<\/text>/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">$2</tspan></text>');
   }
 
   tellScale(zoom) {

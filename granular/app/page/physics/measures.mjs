@@ -4,7 +4,8 @@ import { pairsOf, ROUNDING } from "./scenes.mjs";
 import { abs, max, min, sqrt, sum } from "./numbers.mjs";
 
 export const SAME = 0.01; // of the fastest impact
-const SHIFT = 1e-12, INSTANT = 1e-12, PERSISTENCE = 10; // of the gaps; of the time; another tie rule, in collisions of the first
+export const INSTANT = 1e-12; // of the time
+const SHIFT = 1e-12, PERSISTENCE = 10; // of the gaps; another tie rule, in collisions of the first
 const OTHERS = ["left", "right", "poisson"]; // rules that take any restitutions
 
 export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(run.status);
