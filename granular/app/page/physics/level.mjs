@@ -12,8 +12,16 @@ export function levelled(hard, soft, eps, k) {
   const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), [own, some] = inBoth(hard, soft), n = counts(some);
   const lag = lagOf(own, some, alone), most = counts(own).map((m, c) => max(m, n[c])), late = [lateness(own, some, lag, most), lateness(some, own, lag, most)];
   const onward = goOnHard(own, hard.time + largest(late[0])), later = goOnSoft(some, soft.time + largest(late[1]));
-  const until = patience(due(later, soft.time, late[1], most), soft.time, alone), runs = inBoth(onward, goOnSoft(later, largest(until)));
+  const followed = patience(some, soft.time, alone), settle = alone.map((_, c) => followed[c] > soft.time && !(ofPair(later, c)[n[c] - 1].end <= followed[c]) && bouncesLower(c, own, some, alone));
+  settle.forEach((does, c) => does && (late[1][c] = 0));
+  const until = patience(due(later, soft.time, late[1], most), soft.time, alone).map((t, c) => (settle[c] ? followed[c] : t)), runs = inBoth(onward, goOnSoft(later, largest(until)));
   return [due(runs[0], hard.time, late[0], most), endless(due(runs[1], soft.time, late[1], most), until), lag];
+}
+
+// Whether the hard contacts of pair c that soft spheres lack, which rest there, are no faster than the last one of theirs.
+function bouncesLower(c, own, some, alone) {
+  const last = ofPair(some, c), weight = own.scene.gravity * min(largest(alone.filter((_, i) => ofPair(own, i).length + ofPair(some, i).length)), lasted(some));
+  return ofPair(own, c).slice(last.length).every((one) => approach(one) <= max(weight, approach(last.at(-1))));
 }
 
 function lagOf(hard, soft, alone) {
