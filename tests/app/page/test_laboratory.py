@@ -238,3 +238,16 @@ def test_the_scale_of_paths_fits_into_a_picture_on_a_phone(page, story):
         assert len(beyond) == 2, language
         assert max(beyond) <= 0.0, language
     page.size(1280, 900)
+
+
+def test_the_table_of_tie_rules_comes_with_its_title(own, story) -> None:
+    """Before, it stood there with an empty heading until its six runs were made in idle time."""
+    script = "globalThis.requestIdleCallback = (work) => (globalThis.later ??= []).push(work)"
+    number = own.call("Page.addScriptToEvaluateOnNewDocument", source=script)["identifier"]
+    fresh(own, f"{story}#scene=newtons-cradle&gap=0&lang=en", "drawn")
+    own.call("Page.removeScriptToEvaluateOnNewDocument", identifier=number)
+    shown = "document.querySelector('.ties-box').checkVisibility()"
+    assert own.run(f"[{shown}, later.length > 0]") == [False, True]
+    own.run("while (later.length && !document.querySelector('.ties-title').textContent) later.shift()(); 0")
+    assert own.run(shown)
+    assert text(own, ".ties-title") == "No unique hard-sphere answer"

@@ -302,8 +302,9 @@ def test_it_prints_to_one_sheet(page, story, link, scheme) -> None:
     page.media(prefers_color_scheme=scheme)
     go(page, story + link)
     page.run("new Promise((done) => setTimeout(done, 200))")
-    paper = page.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"]
-    assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(paper))) == 1
+    for width, height in ((8.27, 11.69), (8.5, 11.0)):  # A4 and Letter, in inches
+        paper = page.call("Page.printToPDF", paperWidth=width, paperHeight=height)["data"]
+        assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(paper))) == 1
     page.media("print", prefers_color_scheme=scheme)
     assert page.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     page.media()

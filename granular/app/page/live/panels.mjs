@@ -24,7 +24,7 @@ export class Panels {
     told($(".rises-title"), report.scene.gravity ? "rises-title" : "speeds-title");
     text($(".rises-key"), report.scene.gravity ? `┄ ${plain("label-drop")}` : "");
     const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
-    $(".ties-box").hidden = !touching;
+    if (!touching) $(".ties-box").hidden = true;
     if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
     return { rises: () => (report.scene.gravity ? drawRises : drawSpeeds)(this.rises, report), ...($(".table-box").matches(".off") ? {} : { table: () => this.tabulate() }) };
   }
@@ -132,6 +132,7 @@ function tieRules({ scene, eps, hard, finals, tieErrors }) {
   const softRow = row("soft", say("soft-spheres"), finals.soft.map((f) => f.velocity));
   fillTable($(".ties"), [say("tie-rule"), ...scene.mass.map((_, i) => say("ball", { n: i + 1 }))], [...rows, softRow]);
   told($(".ties-title"), tieErrors.some(([, error]) => error > SAME) ? "ties-differ" : "ties-agree");
+  $(".ties-box").hidden = false;
 }
 
 function finalsTable({ scene, finals }) {
