@@ -329,7 +329,7 @@ OVERLAPPING = """
 """
 
 
-@pytest.mark.parametrize(("width", "height", "language"), [(1366, 768, "es"), (390, 844, "es"), *(
+@pytest.mark.parametrize(("width", "height", "language"), [(1366, 768, "es"), (390, 844, "es"), (683, 384, "en"), *(
     pytest.param(width, height, language, marks=pytest.mark.soak)
     for width, height in ((1366, 768), (390, 844)) for language in ("en", "de", "fr", "tr", "zh"))])
 def test_words_in_the_picture_do_not_overlap_and_are_not_cut(page, width, height, language) -> None:

@@ -98,7 +98,7 @@ export class Upright {
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
     set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
     const isInside = r > 44, isAside = this.look.handles[1]?.kind === "t1" && this.engine === "soft"; // room for a spring
-    const y = this.camera.down(low + r), isByLens = this.look.watched && this.isNear && abs(y - this.lens.valueAt) < 18, room = isInside ? 2 * r + (this.isNarrow ? -12 : 40) : this.w - (isByLens ? LENS_WORDS : 4) - this.x - r - 8;
+    const y = this.camera.down(low + r), isByLens = this.look.watched && this.isNear && y > this.lens.cy - this.lens.r - 12 && y < this.lens.valueAt + 18, room = isInside ? 2 * r + (this.isNarrow ? -12 : 40) : this.w - (isByLens ? LENS_WORDS : 4) - this.x - r - 8;
     const share = min(1, room / (NAME_SIZE * widthOf(label.textContent)));
     set(label, { visibility: (this.isNarrow && !isInside) || share < LEAST_SIZE ? "hidden" : "visible", style: smaller(NAME_SIZE, share) });
     set(label, isInside ? { x: 0, y: isAside ? -0.68 * r : 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), y: 0, "text-anchor": "start" });
