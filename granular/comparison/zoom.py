@@ -54,9 +54,10 @@ class Zoom:
         return np.rint(below).astype(np.uint8)
 
     def _width(self, share: float) -> float:
-        """Position between the two views, from 0 to 1, after a fraction `share` of the zoom.
+        """Position between the two views, from 0 (far) to 1 (near).
 
-        The magnification grows exponentially, which looks even.
+        `share` is the fraction of the zoom that is over, counted from the far view. The magnification grows
+        exponentially, which looks even.
         """
         far, near = (max(width for shapes in end for *_, width in shapes["ball"]) for end in self.ends)
         ratio = near / far
@@ -72,7 +73,7 @@ class Zoom:
         self.drawn = [_drawn(figure, far[name], near[name]) for name in LINE_COLOURS]
 
     def _place(self, share: float) -> None:
-        """Put balls, numbers and floors where they are at a position between the two views."""
+        """Place balls, numbers and floors between their places in the two views."""
         for drawn, *ends in zip(self.drawn, *self.ends, strict=True):
             places = {kind: (1.0 - share) * np.array(ends[0][kind]) + share * np.array(ends[1][kind]) for kind in drawn}
             for artist, (x, y, tall, wide) in zip(drawn["ball"], places["ball"], strict=True):
@@ -84,9 +85,9 @@ class Zoom:
 
 
 def _shapes(page: Page, number: int, name: str) -> dict[str, list[Array]]:
-    """Shapes in pixels of one engine in a frame of a page: balls, the places of their numbers, and the floor.
+    """Shapes in pixels of one engine in a frame of a page.
 
-    A ball is (x, y, height, width), and the floor is (left, right, y).
+    A ball is (x, y, height, width), and so is the place of its number. The floor is (left, right, y).
     """
     from matplotlib.artist import Artist
 
@@ -110,9 +111,9 @@ def _shapes(page: Page, number: int, name: str) -> dict[str, list[Array]]:
 
 
 def _drawn(figure: Any, far: Any, near: Any) -> dict[str, list[Any]]:
-    """Add balls, numbers and the floor of one engine to a figure. Their coordinates are pixels.
+    """Add balls, numbers and the floor of one engine to a figure.
 
-    `far` and `near` are the stages of the engine. Nothing is drawn outside of the far one.
+    Their coordinates are pixels. `far` and `near` are the stages of the engine. Nothing is drawn outside of `far`.
     """
     from matplotlib import lines, patches, text, transforms
 

@@ -75,7 +75,7 @@ def check_film(path: str | PathLike[str]) -> str:
 
 
 class Frames(Protocol):
-    """Part of a film: a figure, and a method that returns the pixels of frame number `k`."""
+    """Part of a film: a figure, and a method that draws its frames."""
 
     figure: Any
 
