@@ -155,12 +155,11 @@ class Writer:
         """A statement inside a function, or at the top level if it declares nothing."""
         if self.depth > 3:
             return f"tell({self.value()});\n"
-        name, label = self.draw.sample(NAMES, 2)
-        i = self.draw.choice(NAMES[:6])
+        name, (i, other) = self.draw.choice(NAMES), self.draw.sample(NAMES[:6], 2)
         return self.draw.choice([
             self.declaration, self.declaration, lambda: f"tell({self.value()}); // {name} ' `\n",
             lambda: f"for (let {i} = 0; {i} < 2; {i}++) {self.block([i])}\n",
-            lambda: f"for (const [{i}, {label}] of Object.entries({{ {name}: 1 }})) tell({i}, {label});\n",
+            lambda: f"for (const [{i}, {other}] of Object.entries({{ {name}: 1 }})) tell({i}, {other});\n",
             lambda: f"for (const {i} of [{self.before([i], self.number)}]) {self.block([i])}\n",
             lambda: f"for (const {{ length: {i} }} of [[1, 2]]) {self.block([i])}\n",
             lambda: self.labelled(lambda at, text: f"{at}: for (;;) {{ {text}if (1) break {at}; else break; }}"),
