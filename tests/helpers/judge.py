@@ -6,11 +6,12 @@ package are used: none of its components, units, episodes, errors or answers.
 
 import math
 from collections import namedtuple
+from functools import cache
 from itertools import zip_longest
 
 import granular as gr
 from tests.helpers.judged_checks import Checks
-from tests.helpers.judged_episodes import Leaving, episodes_of, free_time, last_contact, numbered, velocity_after
+from tests.helpers.judged_episodes import Leaving, episodes_of, free_flights, last_contact, numbered, velocity_after
 from tests.helpers.judged_rows import closing, count, of_pair, parting, stuck_apart
 from tests.helpers.judged_runs import COLLAPSED, FOLLOWED_DURATIONS, MAX_COLLISIONS, STOPPED_EARLY, merging_speed
 
@@ -36,19 +37,21 @@ class Judge(Checks):
         one, other = ({key: r for key, r in numbered(rows).items() if key[0] in pairs and key not in ignored}
                       for rows in (hard, soft))
         whole, found = [numbered(rows) for rows in (hard, soft)], []
+        flights = cache(lambda log, ball: free_flights(whole[log], ball, self.bodies))
         for episode in episodes_of(other, self.bodies, self.walls):
             for ball in sorted({b for c, _ in episode for b in self.bodies(c) if not self.walls[b]}):
                 both = [[last_contact(contacts, episode, ball, self.bodies) for contacts in (one, other)]]
                 both += [[one[key], other[key]] for key in episode if key in one and ball in self.bodies(key[0])
-                         and self.flies_long(ball, key, *whole)]
+                         and self.flies_long(key, flights(0, ball), flights(1, ball), *whole)]
                 found += [self.leaving(ball, episode, h, s) for h, s in both
                           if h and not self.rests_on_a_wall(ball, soft, s.end)]
         return found
 
-    def flies_long(self, ball, key, hard, soft):
-        """Whether a long free flight of a ball follows a contact in both runs."""
-        flights = free_time(hard, soft, key, ball, self.bodies), free_time(soft, hard, key, ball, self.bodies)
-        return min(flights) > LONG_FLIGHT_DURATIONS * (soft[key].end - soft[key].begin)
+    def flies_long(self, key, hard_flights, soft_flights, hard, soft):
+        """Whether a long free flight follows a contact in both runs, up to a contact that both runs have."""
+        shortest = min(0.0 if following and following not in other else time for (time, following), other
+                       in ((hard_flights[key], soft), (soft_flights[key], hard)))
+        return shortest > LONG_FLIGHT_DURATIONS * (soft[key].end - soft[key].begin)
 
     def rests_on_a_wall(self, ball, soft, time):
         """Whether contacts without end that have begun before a time reach from a wall to a ball."""

@@ -1,7 +1,9 @@
 """Episodes of linked soft contacts, and the velocities with which balls leave them, in plain loops."""
 
 import math
+from bisect import bisect_left, bisect_right
 from collections import namedtuple
+from itertools import accumulate
 
 Leaving = namedtuple("Leaving", "ball episode hard soft hard_time soft_time difference")
 """One comparison: a ball, its episode as a list of (pair, number), both velocities in m/s and both times in s."""
@@ -26,7 +28,8 @@ def episodes_of(soft, bodies, walls):
     `soft` has the contacts by (pair, number). Two contacts overlap if each begins before the other ends.
     """
     ended = sorted((key for key in soft if not math.isnan(soft[key].end)), key=lambda key: soft[key].begin)
-    left, found = set(ended), []
+    begins, left, found = [soft[key].begin for key in ended], set(ended), []
+    longest = max((soft[key].end - soft[key].begin for key in ended), default=0.0) * (1.0 + 1e-9)
     for first in ended:
         if first not in left:
             continue
@@ -36,7 +39,8 @@ def episodes_of(soft, bodies, walls):
             key = todo.pop()
             group.append(key)
             mine = soft[key]
-            for other in [o for o in left if soft[o].begin < mine.end and mine.begin < soft[o].end]:
+            near = ended[bisect_left(begins, mine.begin - longest):bisect_left(begins, mine.end)]
+            for other in [o for o in near if o in left and mine.begin < soft[o].end]:
                 if share_a_ball(key[0], other[0], bodies, walls):
                     left.discard(other)
                     todo.append(other)
@@ -54,18 +58,20 @@ def velocity_after(row, ball, bodies):
     return row.after[bodies(row.pair).index(ball)]
 
 
-def free_time(contacts, others, key, ball, bodies):
-    """How long a ball flies freely after a contact; 0 if another is running, or if the next is not among the `others`.
+def free_flights(contacts, ball, bodies):
+    """How long a ball flies freely after each of its contacts, and the contact that ends the flight (None: none does).
 
-    Hard contacts have no duration; those of the same instant end together.
+    The time is 0 if another contact is running. Hard contacts have no duration; those of the same instant end together.
     """
-    end, following = contacts[key].end, []
-    for other, r in contacts.items():
-        if other == key or ball not in bodies(r.pair):
-            continue
-        if r.begin > end * (1.0 + 1e-12):
-            following.append((r.begin, other))
-        elif not r.end <= end * (1.0 + 1e-12):
-            return 0.0
-    onset, following = min(following, default=(math.inf, None))
-    return onset - end if following is None or following in others else 0.0
+    mine = sorted((r.begin, key) for key, r in contacts.items() if ball in bodies(key[0]))
+    begins = [begin for begin, _ in mine]
+    ends = [contacts[key].end for _, key in mine]
+    latest = list(accumulate((math.inf if math.isnan(end) else end for end in ends), max))
+    found = {}
+    for (_, key), end in zip(mine, ends, strict=True):
+        later = bisect_right(begins, end * (1.0 + 1e-12))
+        if math.isnan(end) or latest[later - 1] > end * (1.0 + 1e-12):
+            found[key] = 0.0, None
+        else:
+            found[key] = (begins[later] - end, mine[later][1]) if later < len(mine) else (math.inf, None)
+    return found
