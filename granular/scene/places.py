@@ -215,8 +215,9 @@ def invalid_reason(
     lower_wall, upper_wall = (0.0, 0.0) if scene.ring else (
         float((scene.velocity[wall] * elapsed + scene._moved(wall, elapsed, start)[0])[0]) for wall in (0, scene.n - 1))
     gap_sum, expected_sum = float(gap.sum()), float(scene.gap.sum()) + (upper_wall - lower_wall)
-    # the rounding error of the sum is proportional to the lengths in it
-    length_scale = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(lower_wall) + abs(upper_wall)
+    # the rounding error of the sum is proportional to the lengths in it; initially they are all 0 if points touch
+    lengths = np.abs(scene.gap).sum() + np.abs(gap).sum() + 2.0 * scene.radius.sum()
+    length_scale = float(lengths) + abs(lower_wall) + abs(upper_wall)
     return "" if abs(gap_sum - expected_sum) <= MAX_LENGTH_ERROR * length_scale else (
         f"gaps add up to {gap_sum:.12g} m instead of {expected_sum:.12g} m")
 

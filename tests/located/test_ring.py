@@ -49,6 +49,16 @@ def test_two_balls_meet_on_either_side_in_turn():
     assert met.stats["isolated"] == 10
 
 
+def test_points_on_a_ring_without_room_end_at_their_time():
+    """All lengths of the scene are 0, so the rounding error of the gaps is measured by the gaps at the end."""
+    rng = np.random.default_rng(15)
+    for n in range(2, 9):
+        scene = gr.Scene(rng.uniform(0.5, 2.0, n), [0.0] * n, [0.0] * n, rng.normal(size=n), ring=True)
+        run = gr.md.simulate(scene, gr.LinearDashpot(1e4, 3.0), t_end=0.01)
+        assert run.status is gr.Status.time, run.message
+        assert abs(run.gap[-1].sum()) <= 1e-15 * abs(run.gap[-1]).sum()
+
+
 @pytest.mark.parametrize("j", range(1, 8))
 def test_modes_of_a_ring_under_pressure_come_back(j):
     bent = 1e-4 * np.cos(2.0 * math.pi * j * np.arange(8) / 8.0)
