@@ -131,13 +131,7 @@ class Run:
                 state.tau(min(time, self.horizon, halving_time)), rounded_due), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
-            if self.kernels_move_epoch:
-                state.clock.goal = time
-            due = self.queue.soonest()
-            # saves a call if no event is due
-            is_due = due <= limit and (self.kernels_move_epoch or due < state.clock.window)
-            reason = self._advance(limit) if (
-                is_due or state.near is not None or (last and self.kernels_move_epoch)) else LATER
+            reason, due = self._advance(limit, time, last)
             if self.request.singly and self.events > events_before and reason == LATER:
                 return Pause.full
             limit = state.tau(time) if self.kernels_move_epoch else limit
@@ -146,7 +140,6 @@ class Run:
             if reason == UNTIL:
                 return Pause.until
             if reason == LATER:
-                due = math.inf if state.near is not None else self.queue.soonest()
                 if halving_time < min(time, self.horizon) and due > limit:
                     self._halve_window(limit)
                     continue
@@ -272,13 +265,20 @@ class Run:
         self.state.run["now"] = max(limit, float(self.state.run["now"]))
         return Pause.reached if time <= self.horizon else Pause.collapse
 
-    def _advance(self, limit: float) -> int:
-        """Process events up to `limit` (s since the epoch).
+    def _advance(self, limit: float, time: float, last: bool) -> tuple[int, float]:
+        """Process the events that are due up to `limit` (s since the epoch).
 
-        The number of events per call is limited. The run switches to the compiled queue as soon as this saves time.
-        Returns the reason of the pause.
+        `time` and `last` are the arguments of `to`. The number of events per call is limited. The run switches to the
+        compiled queue as soon as this saves time. Returns the reason of the pause, and the time of the next event if
+        the reason is `LATER`. This time is inf in relative coordinates, where the next event is not known.
         """
         state = self.state
+        if self.kernels_move_epoch:
+            state.clock.goal = time
+        due = self.queue.soonest()
+        is_due = due <= limit and (self.kernels_move_epoch or due < state.clock.window)
+        if not is_due and state.near is None and not (last and self.kernels_move_epoch):
+            return LATER, due
         if self.may_compile and compilation_pays(expected_work(self), self.physics.has):
             self._replace_queue(compiled_queue_class(state, self.scene))
         # pause where the last part of the allowed events begins, so that its pace can be compared with the pace before
@@ -298,7 +298,9 @@ class Run:
             self._convert_rows(rows)
         if len(self.pace) == 1 and self.events >= self.last_part_start:
             self.pace.append((self.events, self.time()))
-        return reason
+        if reason == LATER:
+            due = math.inf if state.near is not None else self.queue.soonest()
+        return reason, due
 
     def _convert_rows(self, written: list[Any]) -> None:
         """Convert new log rows to times in s and to velocities in the frame of the scene.

@@ -164,14 +164,7 @@ def new_system(
         min(max(MIN_LOG_ROWS if gap.ndim == 1 else MIN_LOG_ROWS_OF_MANY, 2 * n), MAX_INITIAL_LOG_ROWS), CONTACT_ROW
     )
     scratch = np.zeros((MAX_SUBDIVISIONS + 1, SERIES_ORDER + 2))
-    maps = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
-    # Contact tables replace closed-form maps that are missing. `map` is the number of a pair's set of tables, or -1.
-    pairs["map"] = -1
-    # every pair can have its own tables; else see `_share_tables`
-    if n <= MAX_TABLED_PAIRS and (maps != DASHPOT).any():
-        # under a pull only the dashpot has a map; pairs at driven walls have no tables
-        without_map = (maps == NO_MAP) | ((pairs["pull"] != 0.0) & (maps != DASHPOT))
-        pairs["map"] = np.where(without_map & (pairs["wall"] == 0), np.arange(n), -1)
+    _number_tables(pairs, kinds, kind_of)
     contact_tables = (
         np.zeros(min(n, MAX_TABLED_PAIRS), OCTAVE_MAP_RECORD),
         np.zeros(INITIAL_TABLES, CONTACT_TABLE_RECORD),
@@ -179,6 +172,21 @@ def new_system(
     )
     pool = empty_pool(min(room, n) + SPARE_PLACES)
     return System(run, pairs, pool, kinds, bodies, tournament(n), log, *contact_tables, scratch, walls, ledger)
+
+
+def _number_tables(pairs: Any, kinds: Any, kind_of: Any) -> None:
+    """Number the sets of contact tables, which replace missing closed-form maps.
+
+    `map` is the number of a pair's set of tables, or -1. Every pair can have its own set in a scene of at most
+    `MAX_TABLED_PAIRS` pairs, see `_share_tables` for more. `kinds` and `kind_of` are as in `new_system`.
+    """
+    n, of_many = pairs.shape[-1], pairs.ndim > 1
+    maps = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if of_many else kinds["map"][kind_of]
+    pairs["map"] = -1
+    if n <= MAX_TABLED_PAIRS and (maps != DASHPOT).any():
+        # under a pull only the dashpot has a map; pairs at driven walls have no tables
+        without_map = (maps == NO_MAP) | ((pairs["pull"] != 0.0) & (maps != DASHPOT))
+        pairs["map"] = np.where(without_map & (pairs["wall"] == 0), np.arange(n), -1)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:

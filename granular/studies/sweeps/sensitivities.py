@@ -262,43 +262,54 @@ def _assembled(
     change = np.where(uncertainty > 0.0, uncertainty * np.abs(value), 0.0)
     # Σ |p/y ∂y/∂p| over the parameters
     condition = np.where(parameter == 0.0, 0.0, np.abs(parameter * value)).sum(axis=0) / scales
-    sides, reasons = {}, {}
-    for k, (start, (_, _, reason, outcomes_at_limits)) in enumerate(zip(starts, slopes, strict=True)):
+    sides = {}
+    for k, (start, (*_, outcomes_at_limits)) in enumerate(zip(starts, slopes, strict=True)):
         if outcomes_at_limits is not None:
             sides[start.name], change[k] = (
                 outcomes_at_limits, np.fmax.reduce(np.abs(outcomes_at_limits - outcomes), axis=0))
-        if (missing := np.isnan(value[k]) & ~np.isnan(outcomes)).any():
-            worst = np.fmax.reduce(relative[k][missing])
-            reasons[start.name] = reason or ("differences do not agree" if np.isnan(worst) else
-                                         f"differences agree to {worst:.1g} of the outcome, no better")
     spread = np.sqrt((change**2).sum(axis=0)) if uncertainty.any() else np.full_like(outcomes, math.nan)
-
-    def split(of: Array) -> dict[str, Any]:
-        """Return the values of each requested result from a vector of outcomes."""
-        return {name: of[place] if np.ndim(place) else float(of[place]) for name, place in places.items()}
 
     def by_parameter(rows: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
         """Return one vector per parameter as a dict by result, then by parameter."""
-        return {name: {entry: split(row)[name] for entry, row in rows.items()} for name in places}
+        return {name: {entry: _by_result(row, places)[name] for entry, row in rows.items()} for name in places}
 
     names, heated = [start.name for start in starts], plan.case(()).scene.heated
     return Sensitivity(
         title=plan.subject.title,
-        value=split(outcomes),
+        value=_by_result(outcomes, places),
         gradient=by_parameter(dict(zip(names, factor * value, strict=True))),
         error=by_parameter(dict(zip(names, factor * error, strict=True))),
-        condition=split(condition),
-        spread=split(spread),
+        condition=_by_result(condition, places),
+        spread=_by_result(spread, places),
         parameters={start.name: start.value for start in starts},
         uncertainty={start.name: start.uncertainty for start in starts if start.uncertainty},
-        sides={name: {varied: (split(low)[name], split(high)[name]) for varied, (low, high) in sides.items()}
+        sides={name: {varied: tuple(_by_result(end, places)[name] for end in ends) for varied, ends in sides.items()}
                for name in places},
-        why=reasons,
+        why=_reasons(starts, slopes, np.isnan(value) & ~np.isnan(outcomes), relative),
         notes=("Draws of thermal walls are held fixed.",) * heated,
         _starts=starts,
         _borders=partial(borders, plan),
         _units=_units(plan, names),
     )
+
+
+def _by_result(vector: Array, places: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of each requested result from a vector of outcomes."""
+    return {name: vector[place] if np.ndim(place) else float(vector[place]) for name, place in places.items()}
+
+
+def _reasons(starts: Sequence[Start], slopes: Sequence[Slope], missing: Any, relative: Array) -> dict[str, str]:
+    """Return why derivatives are missing, by parameter.
+
+    `missing` marks these derivatives by parameter and outcome. `relative` has the relative errors of all derivatives.
+    """
+    reasons = {}
+    for start, (_, _, reason, _), is_missing, errors in zip(starts, slopes, missing, relative, strict=True):
+        if is_missing.any():
+            worst = np.fmax.reduce(errors[is_missing])
+            reasons[start.name] = reason or ("differences do not agree" if np.isnan(worst) else
+                                         f"differences agree to {worst:.1g} of the outcome, no better")
+    return reasons
 
 
 def _units(plan: Plan, parameters: Iterable[str]) -> dict[str, str]:
