@@ -1,7 +1,7 @@
 """Checks of arguments. Most functions return the checked value, or raise an error.
 
 Every message has the form "`name` must be N, got V.", followed by one sentence with the usual fix if it helps. `name`
-is the name of the argument in messages, `fix` the sentence. `import_optional` imports optional packages.
+is the name of the argument in messages, `fix` the sentence.
 """
 
 from __future__ import annotations
@@ -11,15 +11,13 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property, partial
-from importlib import import_module
 from types import EllipsisType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular._engine.package import EXTRAS, install
-from granular._engine.signature import face as face, nearest, parameters as parameters
+from granular._engine.signature import nearest
 
 Array = NDArray[np.float64]
 MAX_INTEGER = 2**63 - 1
@@ -368,24 +366,3 @@ def quoted(name: str) -> str:
     Phrases and options of the command line are returned unchanged.
     """
     return f"`{name}`" if re.fullmatch(r"[^\W\d]\w*(\[[^\]]*\]|\.\w+|\(\S+\))*", name) else name
-
-
-def import_optional(module: str, by: str) -> Any:
-    """Import and return a module of an optional package.
-
-    Without the package, `ImportError` with the command for its installation is raised.
-
-    Parameters
-    ----------
-    module : str
-        Name of the module, such as "matplotlib.figure".
-    by : str
-        Feature that requires it, for the message.
-    """
-    package = module.split(".")[0]
-    try:
-        return import_module(module)
-    except ImportError:
-        extra = next((name for name, packages in EXTRAS.items() if package in packages.split()), "plot")
-        raise ImportError(f"{by} requires {package}, which is not installed. Install it with: "
-                          f"{install(extra)}") from None

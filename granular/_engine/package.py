@@ -1,4 +1,4 @@
-"""Name, version and extras of this package, and lazy attributes of packages."""
+"""Name, version, extras and optional imports of this package, and lazy attributes."""
 
 from __future__ import annotations
 
@@ -27,6 +27,27 @@ def install(extra: str) -> str:
     It also works after an installation from a folder.
     """
     return f"pip install '{NAME}[{extra}]'"
+
+
+def import_optional(module: str, by: str) -> Any:
+    """Import and return a module of an optional package.
+
+    Without the package, `ImportError` with the command for its installation is raised.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module, such as "matplotlib.figure".
+    by : str
+        Feature that requires it, for the message.
+    """
+    package = module.split(".")[0]
+    try:
+        return import_module(module)
+    except ImportError:
+        extra = next((name for name, packages in EXTRAS.items() if package in packages.split()), "plot")
+        raise ImportError(f"{by} requires {package}, which is not installed. Install it with: "
+                          f"{install(extra)}") from None
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:

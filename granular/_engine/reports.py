@@ -16,8 +16,7 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
-from granular._engine.check import import_optional
-from granular._engine.package import VERSION
+from granular._engine.package import VERSION, import_optional
 
 Rows = Sequence[Sequence[str]]
 """Rows of a table as strings. The first row is the header."""

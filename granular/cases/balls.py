@@ -17,14 +17,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.laws.dashpot import damping_ratio, reduced_duration
 
 __all__ = ["BALLS", "PRESETS", "RULES", "Ball", "Contact", "contact", "named"]
 __dir__ = __all__.copy
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Ball:
     """A ball and its bounce on a hard, flat floor.
@@ -100,7 +100,7 @@ RULES = ("lens", "series")
 """Rules for the contact of two balls, see `contact`."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Contact:
     """Stiffness in N/m and coefficient of restitution of the contact of two balls."""
@@ -109,7 +109,7 @@ class Contact:
     restitution: float
 
 
-@check.face
+@signature.face
 def named(ball: str | Ball, what: str = "ball") -> Ball:
     """Return a ball of `BALLS` by its name. A `Ball` is returned unchanged.
 
@@ -118,7 +118,7 @@ def named(ball: str | Ball, what: str = "ball") -> Ball:
     return ball if isinstance(ball, Ball) else BALLS[check.choice(what, ball, list(BALLS))]
 
 
-@check.face
+@signature.face
 def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact:
     """Return the contact of two balls, estimated from their bounces on a floor.
 

@@ -13,7 +13,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.run.trajectory import Trajectory
 from granular.run.until import Until
 from granular.scene import Scene
@@ -83,7 +83,7 @@ def summary(function: Callable[..., Any]) -> str:
     return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """A scene with its law, rule and stop condition, for both engines.

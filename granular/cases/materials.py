@@ -21,13 +21,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from granular._engine import check
+from granular._engine import check, signature
 
 __all__ = ["MATERIALS", "Material", "aluminium", "both", "brass", "glass", "named", "nylon", "rubber", "steel"]
 __dir__ = __all__.copy
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Material:
     """Material of a body. It unpacks to (young, poisson) for `from_material` of laws.
@@ -80,14 +80,14 @@ MATERIALS = {"steel": steel, "glass": glass, "brass": brass, "aluminium": alumin
 """Materials by name."""
 
 
-@check.face
+@signature.face
 def named(material: str | Material) -> Material:
     """Return a material of `MATERIALS` by name. A `Material` is returned unchanged."""
     return material if isinstance(material, Material) else MATERIALS[
         check.choice("material", material, list(MATERIALS))]
 
 
-@check.face
+@signature.face
 def both(lower: str | Material, upper: str | Material) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the Young's moduli and Poisson's ratios for the contact of two materials.
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.cases import balls, build, materials, scenes
 from granular.cases.case import Case, Option, options_of, summary
 from granular.laws import Hertz, LinearDashpot
@@ -228,7 +228,7 @@ TEMPLATES = {
 }
 
 
-@check.face
+@signature.face
 def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None = None, **options: Any) -> Case:
     """Return a ready-made case.
 
@@ -328,7 +328,7 @@ def couples_scene_and_contacts(name: str) -> bool:
     return template.pressed is not None or template.touch is not of_restitution
 
 
-@check.face
+@signature.face
 def names() -> list[str]:
     """Names of the ready-made cases."""
     return list(TEMPLATES)
@@ -344,13 +344,13 @@ def is_file(scene: Any) -> bool:
     return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
 
 
-@check.face
+@signature.face
 def about(name: str) -> str:
     """Return the description of a ready-made case, in one line."""
     return summary(_template_named(name).make)
 
 
-@check.face
+@signature.face
 def options(name: str) -> list[Option]:
     """Return the options of a ready-made case with their defaults.
 

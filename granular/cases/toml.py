@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.files import checked_path, write_text
 from granular.cases import build, ready
 from granular.cases.build import LAWS, RULES, WALLS, importable_name, law, message_prefix, rule_of_law_tables
@@ -38,7 +38,7 @@ STIFFNESS_FIELDS = ("k", "k_load")
 Table = dict[str, Any]
 
 
-@check.face
+@signature.face
 def load(path: str | PathLike[str]) -> Case:
     """Read a case from a TOML file.
 
@@ -96,7 +96,7 @@ def load(path: str | PathLike[str]) -> Case:
         return case_of_tables(read_tables(path), str(Path(path).parent))
 
 
-@check.face
+@signature.face
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file, see `load`."""
     check.of_kind("text", text, str, "the text of a TOML file", "To read a file, use load.")
@@ -216,7 +216,7 @@ def _table(value: Any) -> Mapping[str, Any]:
     return value
 
 
-@check.face
+@signature.face
 def save(case: Case, path: str | PathLike[str]) -> None:
     """Write a case to a TOML file, completely or not at all.
 
@@ -231,7 +231,7 @@ def save(case: Case, path: str | PathLike[str]) -> None:
     write_text(path, dumps(case))
 
 
-@check.face
+@signature.face
 def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
     scene = check.of_kind("case", case, Case, "a granular.Case").scene

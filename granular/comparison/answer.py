@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 
 from granular import edmd
-from granular._engine import check as _check
+from granular._engine import check as _check, signature as _signature
 from granular._engine.reports import percent, rounded_bound
 from granular.comparison import align, measures, outcome
 from granular.comparison.measures import static_overlaps
@@ -37,7 +37,7 @@ from granular.md import isolation
 from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 
 
-@_check.face
+@_signature.face
 class Answer(Enum):
     """Can the collisions of a scene be treated as instantaneous? From worst to best.
 
@@ -65,7 +65,7 @@ class Answer(Enum):
 ANSWER_ORDER = tuple(Answer)
 
 
-@_check.face
+@_signature.face
 @dataclass(frozen=True)
 class Reason:
     """Reason for the answer of one component of a scene.

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.callables import check_argument_types
 from granular._engine.check import Array
 from granular.comparison.outcome import approach, counts
@@ -44,7 +44,7 @@ BALANCE_LABELS = {
 """Descriptions of the terms of a `balance`."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Overlap:
     """Two contacts of neighbouring pairs that overlap in time.

@@ -9,7 +9,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from granular import edmd, md
-from granular._engine import check
+from granular._engine import signature
 from granular._engine.progress import progress_callback
 from granular._engine.reports import Report
 from granular.comparison import report
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from granular.comparison.remedies import Remedies
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(ComparisonWithAnswer, Report):
     """Hard and soft run of one scene, with their differences and the answer.
@@ -212,7 +212,7 @@ class Comparison(ComparisonWithAnswer, Report):
         film.animate(self, path, seconds, fps, whole=whole, charts=charts)
 
 
-@check.face
+@signature.face
 def compare(
     scene: Scene,
     law: Any,

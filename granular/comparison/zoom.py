@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, import_optional
+from granular._engine.check import Array
+from granular._engine.package import import_optional
 from granular.run.figures import INK_COLOUR, LINE_COLOURS
 from granular.run.films import FONT_FAMILY, Page
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.kernels import missing_compiler_reason
 from granular._engine.package import CROSS_ROOM_LOADERS
 from granular.edmd.checkpoint import restored_state
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 ENGINE_NAMES = ("auto", "sorted", "compiled")
 
 
-@check.face
+@signature.face
 def simulate(
     scene: Scene,
     rule: Rule | list[Rule] | tuple[Rule, ...],
@@ -212,7 +212,7 @@ def _run_until_level(run: Run) -> Any:
     return LevelStop(run, levels)
 
 
-@check.face
+@signature.face
 def events(
     scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = check.MAX_INTEGER, **options: Any
 ) -> Iterator[Event]:
@@ -252,13 +252,13 @@ def events(
     0 0.3193 [0.0, 2.192, -3.132]
     1 0.3193 [0.0, 2.183, 5.91]
     """
-    check.known_names(options, check.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
+    check.known_names(options, signature.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
                  "option of edmd.events", TypeError)
     run: Any = simulate(scene, rule, on_event=yield_contacts, max_events=max_events, **options)
     return iter(run)
 
 
-@check.face
+@signature.face
 def resume(
     trajectory: Trajectory,
     *,

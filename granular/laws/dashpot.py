@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.scene import Pair, checked_pair
 
 
@@ -39,7 +39,7 @@ class _StiffAndDamped:
         return any(getattr(self, damping.name) != 0.0 for damping in fields(self)[1:])  # type: ignore[arg-type]
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class LinearDashpot(_StiffAndDamped):
     """Linear spring and dashpot, F = k ξ + γ ξ̇.
@@ -126,14 +126,14 @@ class LinearDashpot(_StiffAndDamped):
         return 0.5 * self.k * xi * xi
 
 
-@check.face
+@signature.face
 def restitution(zeta: float) -> float:
     """Return ε = exp(-2 ζ f(ζ)) of the clipped dashpot for a damping ratio ζ ≥ 0."""
     damping = check.number("zeta", zeta, at_least=0.0)
     return math.exp(-2.0 * damping * _half_duration(damping))
 
 
-@check.face
+@signature.face
 def restitution_pulling(zeta: float) -> float:
     """Return ε of a dashpot that is *not* clipped at zero force.
 
@@ -144,7 +144,7 @@ def restitution_pulling(zeta: float) -> float:
     return math.exp(-math.pi * damping / math.sqrt(1.0 - damping * damping)) if damping < 1.0 else 0.0
 
 
-@check.face
+@signature.face
 def reduced_duration(zeta: float) -> float:
     """Return the dimensionless contact duration ω₀ t_c of the clipped dashpot.
 
@@ -153,7 +153,7 @@ def reduced_duration(zeta: float) -> float:
     return 2.0 * _half_duration(check.number("zeta", zeta, at_least=0.0))
 
 
-@check.face
+@signature.face
 def damping_ratio(restitution: float) -> float:
     """Return ζ of the clipped dashpot with a given restitution in (0, 1].
 

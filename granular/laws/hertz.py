@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.laws.dashpot import _duration_instead_of_k, _StiffAndDamped, damping_ratio, reduced_duration
 from granular.scene import Pair, checked_pair
 
@@ -39,7 +39,7 @@ class _Spheres(_StiffAndDamped):
         return 0.4 * self.k * xi * xi * math.sqrt(xi)
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Hertz(_Spheres):
     """Elastic Hertz contact, F = k ξ^(3/2).
@@ -78,7 +78,7 @@ class Hertz(_Spheres):
         return self.k, 1.5, 0.0, 0.0
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class ViscoelasticHertz(_Spheres):
     """Viscoelastic spheres, F = k ξ^(3/2) + γ √ξ ξ̇ (Müller & Pöschel 2011).
@@ -194,7 +194,7 @@ class ViscoelasticHertz(_Spheres):
         return self.k, 1.5, self.gamma, 0.5
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class TsujiHertz(_Spheres):
     """Hertz contact with Tsuji damping, whose restitution does not depend on speed.
@@ -289,7 +289,7 @@ class TsujiHertz(_Spheres):
         return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
 
 
-@check.face
+@signature.face
 def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     """Return the Hertz stiffness (4/3) E* √r_eff of a pair in N/m^(3/2).
 

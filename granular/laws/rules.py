@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.callables import function_of, is_user_defined
 from granular.scene import Pair, checked_pair
 
@@ -25,7 +25,7 @@ Rule = Callable[[float, Pair], float]
 """Type of a restitution rule: ε in [0, 1] as a function of speed in m/s and pair."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class ConstantRestitution:
     """Coefficient of restitution that is the same at every speed.
@@ -60,7 +60,7 @@ class ConstantRestitution:
         return self.restitution if isinstance(self.restitution, float) else self.restitution[pair.index]
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False)
 class TabulatedRestitution:
     """Table of the restitution as a function of impact speed.
@@ -197,7 +197,7 @@ class TabulatedRestitution:
         return float(e[k - 1] + (e[k] - e[k - 1]) * ((speed - v[k - 1]) / (v[k] - v[k - 1])))
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class ThorntonRestitution:
     """Elastic-plastic spheres with a limiting contact pressure, without rate effects.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.laws.contact_law import PairLaw, finite
 from granular.scene import Pair
 
@@ -17,7 +17,7 @@ FORCE_TOLERANCE = 1e-12
 """Relative difference below which forces count as equal."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class PowerLaw:
     """Elastic power law of the overlap, F = k ξ^n.
@@ -54,7 +54,7 @@ class PowerLaw:
         return self.k * math.pow(xi, self.exponent + 1.0) / (self.exponent + 1.0)
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class WaltonBraun:
     """Elastic-plastic contact without rate dependence (Walton & Braun 1986).
@@ -133,7 +133,7 @@ class WaltonBraun:
         return eps, 0.5 * math.pi * (1.0 + eps) / omega, deepest, self.k_load * deepest, (1.0 - eps * eps) * deepest
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class MatchedEnd:
     """Absorbing end of a chain: F = F₀ + √(K m) ξ̇ between its last ball and a wall.

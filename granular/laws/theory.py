@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.laws import dashpot
 
 __all__ = [
@@ -36,7 +36,7 @@ __all__ = [
 ]
 __dir__ = __all__.copy
 
-@check.face
+@signature.face
 @dataclass(frozen=True, slots=True)
 class TwoBallDrop:
     """Prediction of the independent-collision model for two balls dropped on a floor.
@@ -72,7 +72,7 @@ class TwoBallDrop:
     v_rel_after: float
 
 
-@check.face
+@signature.face
 def two_ball_drop(
     mass_ratio: float,
     restitution: float | Sequence[float],
@@ -138,7 +138,7 @@ def two_ball_drop(
     )
 
 
-@check.face
+@signature.face
 def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
     """Return ε_eff, the ε of both contacts that gives the relative velocity v_r′.
 
@@ -157,7 +157,7 @@ def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
     return 2.0 * x / (1.0 + math.sqrt(1.0 + 4.0 * x))
 
 
-@check.face
+@signature.face
 def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> check.Array:
     """Return the velocity of each ball of a stack just after the hit from below.
 
@@ -188,7 +188,7 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
     return np.array(w)
 
 
-@check.face
+@signature.face
 def stack_limit(n: int, restitution: float = 1.0) -> float:
     """Return v_N/v of a stack of `n` balls, each much lighter than the ball below.
 
@@ -198,7 +198,7 @@ def stack_limit(n: int, restitution: float = 1.0) -> float:
     return float((1.0 + check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
 
 
-@check.face
+@signature.face
 def rise(velocity_ratio: float) -> float:
     """Return the rise of a ball in units of the drop height h, (v′/v)².
 
@@ -210,7 +210,7 @@ def rise(velocity_ratio: float) -> float:
     return ratio * ratio
 
 
-@check.face
+@signature.face
 def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     """Return the velocity of the last ball of a chain hit by a striker.
 
@@ -230,7 +230,7 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     return float(np.prod((1.0 + eps) / (1.0 + m[1:] / m[:-1])))
 
 
-@check.face
+@signature.face
 def best_masses(first: float, last: float, n: int) -> check.Array:
     """Return the `n` masses of a chain that make the last ball fastest.
 
@@ -245,7 +245,7 @@ def best_masses(first: float, last: float, n: int) -> check.Array:
     return masses
 
 
-@check.face
+@signature.face
 def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     """Return the number of collisions and the velocity of the best geometric chain.
 
@@ -294,7 +294,7 @@ def _log_cosh(x: float) -> float:
     return math.log1p(2.0 * math.sinh(0.5 * x) ** 2)
 
 
-@check.face
+@signature.face
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
     """Return (time in s, path in m) until a ball dropped on a floor is at rest.
 
@@ -309,7 +309,7 @@ def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> t
     return math.sqrt(2.0 * h / g) * (1.0 + eps) / (1.0 - eps), h * (1.0 + eps * eps) / ((1.0 - eps) * (1.0 + eps))
 
 
-@check.face
+@signature.face
 def most_collisions(masses: Sequence[float]) -> int:
     """Return the largest number of collisions of three elastic balls on a line.
 
@@ -326,7 +326,7 @@ def most_collisions(masses: Sequence[float]) -> int:
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
 
 
-@check.face
+@signature.face
 def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
     """Return the ε of a contact that results from the ε given to a DEM code.
 

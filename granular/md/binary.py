@@ -16,7 +16,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import hashable_contents, resolved
@@ -45,7 +45,7 @@ STUCK_SPEED_RATIO = 1e-9
 With a smaller final speed the contact absorbs all kinetic energy."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Collision:
     """Restitution, duration, peaks and final overlap of one isolated contact.
@@ -69,7 +69,7 @@ class Collision:
     xi_end: float
 
 
-@check.face
+@signature.face
 def collision(law: Any, pair: Pair, speed: float) -> Collision:
     """Compute the isolated contact of `pair` under `law` at impact speed `speed`.
 
@@ -124,7 +124,7 @@ def restitution(law: Any, pair: Pair, speed: float) -> float: ...
 def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array: ...
 
 
-@check.face
+@signature.face
 def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array:
     """Return ε of an isolated contact of `pair` under `law` at impact speed `speed`.
 
@@ -220,7 +220,7 @@ class StuckError(ValueError):
     """Exception for a contact whose damping stops the bodies, so they do not separate."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class LawRestitution:
     """Collision rule that computes ε from force laws, for an impact speed and a pair.
@@ -250,7 +250,7 @@ class LawRestitution:
             return 0.0
 
 
-@check.face
+@signature.face
 def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule:
     """Return the collision rule of one force law, or of a list with one law per pair.
 
@@ -290,7 +290,7 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     return LawRestitution(laws)
 
 
-@check.face
+@signature.face
 class LawRule(LawRestitution):
     """Collision rule of a comparison, which also checks the range of ε.
 
@@ -318,7 +318,7 @@ def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
-@check.face
+@signature.face
 def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:
     """Return a copy of `law` with `field` chosen so that the restitution is `target`.
 
@@ -380,7 +380,7 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     return replace(law, **{field: math.exp(log_field)})
 
 
-@check.face
+@signature.face
 def oblique(law: Any, pair: Pair, distance: float, normal_speed: float, tangential_speed: float) -> Oblique:
     """Compute the oblique impact of two frictionless spheres, in three dimensions.
 

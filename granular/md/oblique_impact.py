@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import signature
 from granular._engine.check import Array
 from granular.laws.contact_law import PairLaw, no_number
 
@@ -29,7 +29,7 @@ LONGEST_DURATION = 1e3
 """Maximum duration of a contact, in durations of the head-on impact."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Oblique:
     """Result of an oblique impact.

@@ -15,7 +15,7 @@ from typing import Any
 from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md.located import run as located
 from granular.run import until as stop
@@ -42,7 +42,7 @@ STEPS_PER_CONTACT = 500
 Half the error of a method of order 1 needs twice this number."""
 
 
-@check.face
+@signature.face
 def simulate(
     scene: Scene,
     law: Any,
@@ -264,7 +264,7 @@ def _simulate_fixed_step(
     return run
 
 
-@check.face
+@signature.face
 def events(scene: Scene, law: Any, *, max_events: int = check.MAX_INTEGER, **options: Any) -> Iterator[Event]:
     """Yield the contacts of a run as they end, each with the scene at that time.
 
@@ -302,12 +302,12 @@ def events(scene: Scene, law: Any, *, max_events: int = check.MAX_INTEGER, **opt
     1 0.321894 [0.0, 3.112, 9.37]
     """
     others = {"scene", "law", "samples", "on_event", "log", "method", "dt"}
-    check.known_names(options, check.parameters(simulate) - others, "option of md.events", TypeError)
+    check.known_names(options, signature.parameters(simulate) - others, "option of md.events", TypeError)
     run: Any = simulate(scene, law, on_event=yield_contacts, max_events=max_events, **options)
     return iter(run)
 
 
-@check.face
+@signature.face
 def resume(
     trajectory: Trajectory,
     *,

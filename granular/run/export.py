@@ -10,7 +10,7 @@ import math
 from os import PathLike
 from typing import Any
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.files import write_text
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.dashpot import restitution_pulling
@@ -35,7 +35,7 @@ DECK_HEADER = """\
 """
 
 
-@check.face
+@signature.face
 def lammps(
     scene: Scene, law: Any, path: str | PathLike[str] | None = None, *, t_end: float = 1.0, dt: float = 1e-7
 ) -> str:

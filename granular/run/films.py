@@ -15,7 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from granular._engine import files
-from granular._engine.check import Array, choice, import_optional, integer, number
+from granular._engine.check import Array, choice, integer, number
+from granular._engine.package import import_optional
 from granular._engine.reports import duration
 from granular.run.figures import (
     INK_COLOUR,

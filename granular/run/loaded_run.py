@@ -16,6 +16,7 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.describe import from_json
+from granular._engine.package import import_optional
 from granular.run.saved_run import HARD_LOG_COLUMNS, PLAIN_TYPES, RUN_ARRAYS, SCENE_ARRAYS, digest_of
 from granular.scene import Scene
 
@@ -94,8 +95,8 @@ def _read_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
 
     `name` is the path of the file, and `log` the type of the records of the contact log.
     """
-    xarray = check.import_optional("xarray", "a file that ends in .nc")
-    check.import_optional("netCDF4", "a file that ends in .nc")
+    xarray = import_optional("xarray", "a file that ends in .nc")
+    import_optional("netCDF4", "a file that ends in .nc")
     try:
         data = xarray.open_dataset(name, engine="netcdf4", decode_cf=False)
     except (OSError, ValueError, RuntimeError):

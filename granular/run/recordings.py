@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granular._engine import check, files
+from granular._engine import check, files, signature
 from granular.scene import Scene
 
 SI_FACTORS = {
@@ -40,7 +40,7 @@ Larger overlaps that noise cannot explain are refused as wrong positions.
 """
 
 
-@check.face
+@signature.face
 def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = None) -> dict[str, check.Array]:
     """Read a text table with units in its header, as phyphox or Tracker exports it.
 

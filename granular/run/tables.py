@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check, files
+from granular._engine.package import import_optional
 from granular.run import saved_run
 from granular.scene import Scene, positions
 
@@ -49,7 +50,7 @@ def description_of_run(run: Any) -> dict[str, str]:
 
 def dataset(run: Any) -> Any:
     """Convert a run to a dataset, see `granular.Trajectory.to_xarray`."""
-    xarray = check.import_optional("xarray", "to_xarray")
+    xarray = import_optional("xarray", "to_xarray")
     rows = {name: (("time", dim), getattr(run, name), {"units": unit}) for name, (dim, unit) in ROW_UNITS.items()
             if getattr(run, name) is not None}
     log = {LOG_NAMES[name]: (("contact", "side")[: run.contacts[name].ndim], run.contacts[name], {"units": unit})
@@ -62,7 +63,7 @@ def dataset(run: Any) -> Any:
 
 def frame(run: Any, what: str = "contacts") -> Any:
     """Convert a run to a data frame, see `granular.Trajectory.to_frame`."""
-    pandas = check.import_optional("pandas", "to_frame")
+    pandas = import_optional("pandas", "to_frame")
     if check.choice("what", what, ("contacts", "samples")) == "contacts":
         columns = [_columns(name, run.contacts[name], ("lower", "upper")) for name in LOG_UNITS]
     else:
@@ -160,7 +161,7 @@ def suffix_of(path: str | os.PathLike[str]) -> str:
     if not isinstance(name, str) or "\0" in name or suffix not in SUFFIX_PACKAGES:
         raise ValueError(check.misuse("path", name, f"the name of a file that ends in {', '.join(SUFFIX_PACKAGES)}"))
     for package in SUFFIX_PACKAGES[suffix]:
-        check.import_optional(package, f"a file that ends in {suffix}")
+        import_optional(package, f"a file that ends in {suffix}")
     return suffix
 
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, face, integer, raise_if_true
+from granular._engine.check import Array, integer, raise_if_true
+from granular._engine.signature import face
 from granular.laws.kinds import resolved
 from granular.run.contact_log import (
     CONTACT as CONTACT,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from granular._engine import check as _check
+from granular._engine import check as _check, signature as _signature
 from granular.scene.places import endless_reason
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class _Checked:
             object.__setattr__(self, name, check(name, getattr(self, name)))
 
 
-@_check.face
+@_signature.face
 @dataclass(frozen=True, slots=True)
 class Contact(_Checked):
     """Condition to stop just before the `nth` contact of `pair` begins, see `contact`."""
@@ -41,13 +41,13 @@ class Contact(_Checked):
     nth: int
 
 
-@_check.face
+@_signature.face
 @dataclass(frozen=True, slots=True)
 class Separated:
     """Condition to stop when all pairs have separated, see `separated`."""
 
 
-@_check.face
+@_signature.face
 @dataclass(frozen=True, slots=True)
 class Force(_Checked):
     """Condition to stop when the force of `pair` exceeds `above` in N, see `force`."""
@@ -56,7 +56,7 @@ class Force(_Checked):
     above: float
 
 
-@_check.face
+@_signature.face
 @dataclass(frozen=True, slots=True)
 class Speed(_Checked):
     """Condition to stop when the speed of `ball` exceeds `above` in m/s, see `speed`."""
@@ -65,7 +65,7 @@ class Speed(_Checked):
     above: float
 
 
-@_check.face
+@_signature.face
 @dataclass(frozen=True, slots=True)
 class Position(_Checked):
     """Condition to stop when `ball` is above or below a position in m, see `position`."""
@@ -94,7 +94,7 @@ FIELD_CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
 """Function that checks each field of the stop conditions, by class and field name."""
 
 
-@_check.face
+@_signature.face
 def contact(pair: int, nth: int = 1) -> Contact:
     """Stop just before the `nth` contact of a pair begins.
 
@@ -116,7 +116,7 @@ def contact(pair: int, nth: int = 1) -> Contact:
     return Contact(pair, nth)
 
 
-@_check.face
+@_signature.face
 def separated() -> Separated:
     """Stop when no pair is in contact or approaches, after at least one contact.
 
@@ -129,7 +129,7 @@ def separated() -> Separated:
     return Separated()
 
 
-@_check.face
+@_signature.face
 def force(pair: int, above: float) -> Force:
     """Stop when the contact force F of a pair first exceeds a level.
 
@@ -151,7 +151,7 @@ def force(pair: int, above: float) -> Force:
     return Force(pair, above)
 
 
-@_check.face
+@_signature.face
 def speed(ball: int, above: float) -> Speed:
     """Stop when the speed abs(v) of a ball first exceeds a level.
 
@@ -171,7 +171,7 @@ def speed(ball: int, above: float) -> Speed:
     return Speed(ball, above)
 
 
-@_check.face
+@_signature.face
 def position(ball: int, above: float | None = None, *, below: float | None = None) -> Position:
     """Stop when the centre of a ball is first above or below a position.
 

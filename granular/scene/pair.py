@@ -9,7 +9,8 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular._engine.check import Array, face, misuse, number
+from granular._engine.check import Array, misuse, number
+from granular._engine.signature import face
 
 
 @face

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array, ByNumbers
 from granular.scene.given import check_exclusive, checked_bodies, checked_forces, checked_positions, checked_rest_gaps
 from granular.scene.pair import Pairs, body_name
@@ -22,7 +22,7 @@ GAP_INDEPENDENT = ("inverse_mass", "is_wall", "pairs", "driven", "heated", "_fla
 """Cached properties of `Scene` that do not depend on the gaps."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False)
 class Scene(ByNumbers):
     """Balls on a line at one instant, numbered bottom to top (left to right).

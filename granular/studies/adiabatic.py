@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from granular import md
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.kinds import checked
@@ -41,7 +41,7 @@ be distinguished from rounding errors.
 """
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False)
 class AdiabaticSolution:
     """Contacts of the light ball, as returned by `contacts`.
@@ -95,7 +95,7 @@ class AdiabaticSolution:
         return self.v2 - self.v1
 
 
-@check.face
+@signature.face
 def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSolution:
     """Return the contacts of a light upper ball with the lower ball.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 
 BOUND = 1e-3
 """Distance from a bound, in units of the range, below which it can be reached."""
@@ -63,7 +63,7 @@ class Calibration:
             f"\nχ² = {self.chi2:.1f} for {self.dof} degrees of freedom, probability {self.probability:.2g}\n{verdict}")
 
 
-@check.face
+@signature.face
 def calibrate(
     model: Callable[..., Any], data: Any, parameters: Mapping[str, tuple[float, float, float]], *, sigma: Any
 ) -> Calibration:
@@ -150,14 +150,14 @@ def _check_call(model: Any, names: list[str]) -> None:
     if not names:
         raise ValueError(check.must("parameters", "a mapping with at least one parameter", "an empty mapping"))
     try:
-        signature = inspect.signature(model)
+        model_signature = inspect.signature(model)
     except ValueError:  # some builtins have no signature
         return
     try:
-        signature.bind(**dict.fromkeys(names))
+        model_signature.bind(**dict.fromkeys(names))
     except TypeError:
         need = f"a function with the arguments ({', '.join(map(str, names))})"
-        raise TypeError(check.must("model", need, str(signature), "It is called with the names of `parameters`.")
+        raise TypeError(check.must("model", need, str(model_signature), "It is called with the names of `parameters`.")
                         ) from None
 
 

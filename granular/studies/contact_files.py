@@ -12,7 +12,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array, must
 from granular._engine.files import checked_source, plain_text
 
@@ -33,7 +33,7 @@ LEAST_ROWS_TO_JUDGE = 20
 """Minimum number of contacts of a snapshot for a test of lost contacts."""
 
 
-@check.face
+@signature.face
 def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike | None = None,
               overlap: ArrayLike | None = None, distance: ArrayLike | None = None, frames: ArrayLike | None = None
               ) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike |
     return found
 
 
-@check.face
+@signature.face
 def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = None, columns: str | None = None
                 ) -> dict[str, Any]:
     """Read contacts from a ``dump local`` of LAMMPS, which can be compressed (.gz).
@@ -237,7 +237,7 @@ def _pairs(rows: Any, frame: Any, steps: Any, step: float, length: Array | None)
     return found | {"notes": (*found["notes"], WALLS_NOTE)}
 
 
-@check.face
+@signature.face
 def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Read contacts or snapshots from a CSV file with named columns.
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array
 from granular._engine.reports import Report, number, percent
 from granular.studies import contact_lists
@@ -37,7 +37,7 @@ CALIBRATION = ("B is calibrated on homogeneous gases of frictionless spheres wit
                "Particles are not compared one by one.")
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Contacts(Report):
     """Result of `analyse`. Arrays are in the order of the list.
@@ -126,7 +126,7 @@ class Contacts(Report):
                              "statement": self.statement}
 
 
-@check.face
+@signature.face
 def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, impulse: ArrayLike | None = None,
             overlap: ArrayLike | None = None, distance: ArrayLike | None = None, particles: int | None = None,
             span: float | Sequence[float] | None = None, walls: Sequence[int] = (), notes: Sequence[str] = ()

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check, files
+from granular._engine import check, files, signature
 from granular._engine.progress import progress_callback
 from granular._engine.reports import PAGE_WIDTH, Report, aligned, canvas, duration, number, style
 from granular.cases.case import Case
@@ -127,7 +127,7 @@ class Tried:
         return VERDICT_SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, repr=False)
 class Stability(Report):
     """Result of `stability`. Print it, draw it with `plot`, or save it with `to_json`.
@@ -231,7 +231,7 @@ class Stability(Report):
         return "\n".join([self.title, "", aligned(lines, "<>"), "", *notes, "", self._key()])
 
 
-@check.face
+@signature.face
 def stability(
     scene: SceneLike,
     axes: str | Sequence[str] = tuple(EXTREME_AXES),

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check, files
+from granular._engine import files, signature
 from granular._engine.reports import (
     GREY_COLOUR,
     HARD_COLOUR,
@@ -94,7 +94,7 @@ class Row:
         return not self.wrong_count and math.isfinite(self.velocity_error)
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, repr=False)
 class Frontier(Report):
     """Error against run time. Draw it with `plot`, save it with `to_json`.

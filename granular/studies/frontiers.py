@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from granular import md
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.progress import ProgressCallback, progress_callback
 from granular._engine.reports import machine
 from granular.laws.kinds import checked
@@ -43,7 +43,7 @@ REPEAT_SECONDS = 0.05
 """Total time in s after which a run is not repeated."""
 
 
-@check.face
+@signature.face
 def frontier(
     scene: Scene,
     law: Any,

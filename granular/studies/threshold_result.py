@@ -11,7 +11,7 @@ from os import PathLike
 from textwrap import fill
 from typing import Any
 
-from granular._engine import check, files
+from granular._engine import files, signature
 from granular._engine.reports import (
     GREY_COLOUR,
     HARD_COLOUR,
@@ -142,7 +142,7 @@ class Crossing:
         return 0.5 * self.low.value + 0.5 * self.high.value
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, repr=False)
 class Threshold(Report):
     """Validity of hard spheres along one parameter. Draw it with `plot`.

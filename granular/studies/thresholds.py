@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.progress import ProgressCallback, progress_callback
 from granular.cases.build import error_sentence
 from granular.studies.sweeps.plan import Plan, make_plan
@@ -28,7 +28,7 @@ ZERO_SHARE = 1e-9
 """Fraction of the interval below which a value is equivalent to 0."""
 
 
-@check.face
+@signature.face
 def threshold(
     scene: SceneLike,
     over: str = "gap",

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from granular._engine import files as _files
-from granular._engine.check import import_optional
+from granular._engine.package import import_optional
 from granular.cases.ready import is_file
 from granular.run import tables
 

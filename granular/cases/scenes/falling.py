@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array
 from granular.scene import Scene, in_order, walls
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from granular.cases.balls import Ball
 
 
-@check.face
+@signature.face
 def three_balls(
     radii: Sequence[float] = (0.10, 0.01), gap: float = 1e-4, height: float = 0.6, density: float = 900.0,
     gravity: float = 9.81,
@@ -45,7 +45,7 @@ def three_balls(
     return above_floor(mass_of(r, density), r, z1 - lower, check.number("gap", gap), 0.0, gravity)
 
 
-@check.face
+@signature.face
 def ball_stack(
     n: int = 3, mass_ratio: float = 0.1, masses: Sequence[float] | None = None, height: float | None = None,
     speed: float | None = None, gap: float | Sequence[float] = 1e-4, density: float = 900.0, gravity: float = 9.81,
@@ -84,7 +84,7 @@ def ball_stack(
     return above_floor(m, radius_of(m, density), drop, gap, v, gravity)
 
 
-@check.face
+@signature.face
 def column(
     n: int = 5, gap: float | Sequence[float] = 1e-3, speed: float = 1.0, mass: float = 1.0, density: float = 900.0,
     gravity: float = 0.0,
@@ -115,7 +115,7 @@ def column(
     return above_floor(m, radius_of(m, density), floor, between, v, gravity)
 
 
-@check.face
+@signature.face
 def bouncing_ball(
     height: float | None = None, radius: float = 0.01, speed: float = 0.0, density: float = 900.0,
     gravity: float = 9.81, plate: Any = None,
@@ -147,7 +147,7 @@ def bouncing_ball(
     return above_floor(mass_of(r, density), r, drop, (), v, gravity, plate)
 
 
-@check.face
+@signature.face
 def vibrated_column(
     n: int = 10, gamma: float = 10.0, frequency: float = 20.0, amplitude: float | None = None,
     phase: float = 0.5 * math.pi, gap: float | Sequence[float] = 1e-3, radius: float = 0.005, density: float = 900.0,
@@ -188,7 +188,7 @@ def vibrated_column(
     return above_floor(mass_of(r, density), r, floor, between, 0.0, gravity, plate)
 
 
-@check.face
+@signature.face
 def real_balls(
     lower: str | Ball = "basketball", upper: str | Ball | None = "tennis ball", gap: float = 0.0, height: float = 1.0,
     gravity: float = 9.81,

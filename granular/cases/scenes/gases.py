@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.cases.scenes.falling import count_of
 from granular.scene import Scene
 from granular.scene.walls import Thermal
 
 
-@check.face
+@signature.face
 def gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
     mass: float = 1.0, mass_spread: float = 1.0, walls: bool = True, seed: int = 1,
@@ -53,7 +53,7 @@ def gas(
     return Scene(m, r, gap[1:-1], v, origin=float(gap[0] + r[0]))
 
 
-@check.face
+@signature.face
 def ring_gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
     mass: float = 1.0, mass_spread: float = 1.0, seed: int = 1,
@@ -89,7 +89,7 @@ def ring_gas(
     return Scene(m, r, gap, v, ring=True)
 
 
-@check.face
+@signature.face
 def heated_gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, lower: float = 2.0, upper: float | None = None,
     gravity: float = 0.0, mass: float = 1.0, dimer: float = 1.0, seed: int = 1,

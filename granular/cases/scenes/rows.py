@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.callables import function_of
 from granular.cases.scenes.falling import count_of, gaps_of, geometric_masses, mass_of, radius_of
 from granular.laws.kinds import resolved
 from granular.scene import Scene, in_order
 
 
-@check.face
+@signature.face
 def newtons_cradle(
     n: int = 5, moving: int = 1, gap: float | Sequence[float] = 0.0, speed: float = 1.0, mass: float = 1.0,
     density: float = 7800.0,
@@ -46,7 +46,7 @@ def newtons_cradle(
     return _in_a_row(np.full(count, check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
 
 
-@check.face
+@signature.face
 def pendulum_cradle(
     n: int = 5, moving: int = 1, amplitude: float = 0.05, rest_gap: float | Sequence[float] = 0.0, length: float = 1.0,
     mass: float = 1.0, density: float = 7800.0, gravity: float = 9.81,
@@ -88,7 +88,7 @@ def pendulum_cradle(
                  rest_gap=rest)
 
 
-@check.face
+@signature.face
 def chain(
     n: int = 10, mass_ratio: float = 1.0, dimer: float = 1.0, striker: float | None = None, speed: float = 1.0,
     gap: float | Sequence[float] = 0.0, mass: float = 1.0, density: float = 7800.0,
@@ -123,7 +123,7 @@ def chain(
     return _in_a_row(m, 1, speed, gap, density)
 
 
-@check.face
+@signature.face
 def compressed_chain(
     n: int = 20, force: float = 20.0, *, law: Any, ends: str = "walls", dimer: float = 1.0,
     striker: float | None = None, speed: float = 0.1, floor: Any = None, radius: float = 0.009525,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular.laws import MatchedEnd
 from granular.laws.kinds import resolved
 from granular.laws.springs import stiffness_at
@@ -24,7 +24,7 @@ MAX_FREQUENCY = 1e100
 """Angular frequency in rad/s above which squares leave the range of floats."""
 
 
-@check.face
+@signature.face
 def stiffness(scene: Scene, law: Any) -> check.Array:
     """Return the tangent stiffness of every contact of a scene.
 
@@ -46,7 +46,7 @@ def stiffness(scene: Scene, law: Any) -> check.Array:
     return np.array([stiffnesses[contact] for contact in contacts])
 
 
-@check.face
+@signature.face
 def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
     """Return the angular frequencies of waves in an infinite chain.
 
@@ -75,7 +75,7 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
     return np.asarray(np.linalg.svd(np.sqrt(k)[:, None] * strain, compute_uv=False)[..., ::-1])
 
 
-@check.face
+@signature.face
 def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
     """Return the lower and the upper edge of every frequency band of a chain.
 
@@ -98,7 +98,7 @@ def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.A
     return edges
 
 
-@check.face
+@signature.face
 def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Any:
     """Return the factor by which a wave of angular frequency ω decays per ball.
 
@@ -135,7 +135,7 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
     return np.exp(-(log_scale + np.log(half_trace + np.sqrt((half_trace - unit) * (half_trace + unit)))) / len(m))[()]
 
 
-@check.face
+@signature.face
 def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: float) -> float:
     """Return the speed in m/s of waves much longer than a cell.
 
@@ -152,7 +152,7 @@ def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: f
     return check.number("length", length, above=0.0) / math.sqrt(float(m.sum() * (1.0 / k).sum()))
 
 
-@check.face
+@signature.face
 def modes(scene: Scene, law: Any) -> check.Array:
     """Return the angular frequencies of the normal modes of a whole chain at rest.
 
@@ -173,7 +173,7 @@ def modes(scene: Scene, law: Any) -> check.Array:
     return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # pendula add Ω² to ω²
 
 
-@check.face
+@signature.face
 def crossing_time(scene: Scene, law: Any) -> float:
     """Return the time in s in which a long wave crosses the balls in contact.
 
@@ -189,7 +189,7 @@ def crossing_time(scene: Scene, law: Any) -> float:
     return math.sqrt(float(times.max())) or math.inf
 
 
-@check.face
+@signature.face
 def matched_end(scene: Scene, law: Any) -> list[Any]:
     """Return the force laws of a chain, with a last law that absorbs long waves.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check, files
+from granular._engine import check, files, signature
 from granular._engine.check import Array
 from granular._engine.reports import COLUMN_WIDTH, canvas, style, unit_of
 from granular.run.trajectory import Trajectory
@@ -20,7 +20,7 @@ ROUNDING_FORCE_RATIO = 1e-13
 """Largest rounding error of a force, relative to the largest force of the run."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False)
 class Pulse:
     """Arrival time, strength and width of a pulse at each of p pairs.
@@ -70,7 +70,7 @@ class Pulse:
         return float(t @ (x - x.mean()) / (t @ t))
 
 
-@check.face
+@signature.face
 def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static: float = 0.0) -> Pulse:
     """Measure the largest pulse at each contact in a run of soft spheres.
 
@@ -126,7 +126,7 @@ def _largest_pulse(time: Array, force: Array, levels: Array, smallest_force: flo
     return float(time[i]) + peak_time, peak, widths
 
 
-@check.face
+@signature.face
 def picture(
     run: Trajectory, show: str = "force", path: str | PathLike[str] | None = None, *, beyond: bool = False,
     axis: Any = None,

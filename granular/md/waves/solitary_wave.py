@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array
 from granular.laws.contact_law import instance, resolve
 from granular.scene import Scene, in_order
@@ -42,7 +42,7 @@ MIN_WAVE_REACH = 5.0
 """Minimum distance in diameters from the peak of the wave to each end of the row."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False)
 class SolitaryWave:
     """Shape and speed of the solitary wave of exponent p, in dimensionless units.
@@ -108,7 +108,7 @@ class SolitaryWave:
         return low + high
 
 
-@check.face
+@signature.face
 def solitary(
     n: int = 40, speed: float = 0.1, *, law: Any, at: float = 6.0, radius: float = 0.009525, density: float = 8027.0
 ) -> Scene:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array, ByNumbers
 from granular.scene.walls import path
 from granular.scene.walls.panels import Panels, _PanelMotion
@@ -31,7 +31,7 @@ It is relative to the largest term of the polynomials.
 """
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Sine(_PanelMotion):
     """Harmonic motion of a wall, m(t) = A sin(2π f t + φ).
@@ -134,7 +134,7 @@ class Sine(_PanelMotion):
         return Panels(edges, np.array(series).T, error, self.frequency, (high, float(turn - Fraction(high))))
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise(_PanelMotion, ByNumbers):
     """Motion of a wall given by polynomials between breaks.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.callables import function_of
 from granular._engine.check import Array
 from granular.scene.walls.panels import Panels, _PanelMotion
@@ -40,7 +40,7 @@ MAX_WALL_PANELS = 1 << 18
 """Maximum number of panels of a motion. Their fit takes a minute."""
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, repr=False)
 class Motion:
     """Motion of a wall given by any smooth function m(t).

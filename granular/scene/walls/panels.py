@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array, ByNumbers
 from granular._engine.records import plain
 from granular.scene.walls import path
@@ -41,7 +41,7 @@ class _PanelMotion:
         return self._panels._at(t)[2]
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Panels(_PanelMotion, ByNumbers):
     """Motion m(t) of a wall as polynomials on panels of time.

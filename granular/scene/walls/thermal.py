@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.kernels import kernel
 
 WORD_MASK = 0xFFFFFFFF
@@ -23,7 +23,7 @@ It belongs to the smallest random number U = 2⁻⁵³ of `Thermal`.
 """
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True)
 class Thermal:
     """Wall at a temperature T, which every ball leaves with a random speed.

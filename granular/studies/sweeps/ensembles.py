@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check, files
+from granular._engine import check, files, signature
 from granular._engine.callables import function_of
 from granular._engine.check import Array
 from granular._engine.reports import (
@@ -62,7 +62,7 @@ The state after a collapse, for example, is not an outcome.
 """
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, eq=False)
 class Quantity:
     """One result over all draws.
@@ -109,7 +109,7 @@ class Quantity:
     answer: Judgement
 
 
-@check.face
+@signature.face
 @dataclass(frozen=True, repr=False)
 class Ensemble(Report):
     """Both engines over the same or independent draws. Draw it with `plot`.
@@ -198,7 +198,7 @@ class Ensemble(Report):
         return files.write_figure(path, figure, dpi=200)
 
 
-@check.face
+@signature.face
 def ensemble(
     scene: SceneLike,
     n: int,

@@ -22,6 +22,7 @@ from granular._engine import check, files
 from granular._engine.callables import function_of
 from granular._engine.describe import scene_to_json, to_json, with_current_words
 from granular._engine.kernels import have_numba
+from granular._engine.package import import_optional
 from granular.cases import ready
 from granular.cases.case import Case, checked_run
 from granular.scene import Scene
@@ -218,7 +219,7 @@ def _result(function: RequestedResult) -> Result:
 
 def xarray_() -> Any:
     """Return the module xarray. Raise an error with a hint if it is not installed."""
-    return check.import_optional("xarray", "sweep")
+    return import_optional("xarray", "sweep")
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
@@ -299,7 +300,7 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a data set to a netCDF file, completely or not at all."""
-    check.import_optional("netCDF4", "a netCDF file")
+    import_optional("netCDF4", "a netCDF file")
 
     def fill(draft: str) -> None:
         try:

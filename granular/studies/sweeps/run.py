@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.progress import ProgressCallback, progress_callback
 from granular._engine.reports import cores
 from granular.cases import Case
@@ -39,7 +39,7 @@ Where = tuple[Executor | None, int]
 """An executor or None, and the number of threads without an executor."""
 
 
-@check.face
+@signature.face
 def sweep(
     scene: SceneLike,
     over: Mapping[str, ArrayLike] | Iterable[str] | str,

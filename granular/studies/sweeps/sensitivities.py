@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine import check
+from granular._engine import check, signature
 from granular._engine.check import Array
 from granular._engine.progress import progress_callback
 from granular.cases import Case
@@ -38,7 +38,7 @@ BORDER_REACH = 4.0 ** np.arange(-8, 1)
 """Distances of the scan for borders from the parameter, in its unit."""
 
 
-@check.face
+@signature.face
 def sensitivity(
     scene: SceneLike,
     results: RequestedResult | Sequence[RequestedResult] = ("v_rel",),

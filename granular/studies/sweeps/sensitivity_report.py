@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from granular._engine.check import Array, face
+from granular._engine.check import Array
 from granular._engine.reports import Report, abridged_rows, number, split_table, with_unit
+from granular._engine.signature import face
 
 MAX_COLUMNS, MAX_ROWS = 6, 60
 """Maximum numbers of outcomes and of parameters of a table."""

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from granular import cases, md
-from granular._engine import check
+from granular._engine import check, signature
 from granular.cases import build, ready
 from granular.cases.case import Case, descriptions, integer_parameters, options_of, parameters_of
 from granular.cases.toml import case_of_tables, read_tables
@@ -46,7 +46,7 @@ SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
 """Possible subjects of a sweep."""
 
 
-@check.face
+@signature.face
 def axis(text: str) -> tuple[str, Values]:
     """Parse ``name=first:last:count``, with ``:log``, or ``name=value,value``.
 
