@@ -178,12 +178,12 @@ def bisection_point(holds: Callable[[float], bool], low: float, high: float) -> 
     return high
 
 
-def _own_speeds(pairs: list[Any]) -> Array:
+def own_speeds(pairs: list[Any]) -> Array:
     """Return the typical speeds of pairs in m/s, 1 for pairs without a typical speed."""
     return np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
 
 
-def _force_errors(pairs: list[Any], force: Array, deviations: Array, noise: Array) -> tuple[Array, float]:
+def force_errors(pairs: list[Any], force: Array, deviations: Array, noise: Array) -> tuple[Array, float]:
     """Return the mean error of each pair's force, and the largest relative error.
 
     The mean over the step is in N. The second result is relative to the largest force of the contact, and is computed
@@ -194,13 +194,13 @@ def _force_errors(pairs: list[Any], force: Array, deviations: Array, noise: Arra
     last_terms, deviations = (
         np.where(last_terms > noise, last_terms, 0.0), np.where(deviations > noise[:, None], deviations, 0.0)
     )
-    scales = [v * v / (p.inverse * stopping_overlap(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
+    scales = [v * v / (p.inverse * stopping_overlap(p, v * v)) for p, v in zip(pairs, own_speeds(pairs), strict=True)]
     strength = np.maximum(np.array(scales), abs(force).max(axis=1))
     relative = np.maximum(last_terms, deviations.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
     return np.maximum(last_terms / GAUSS_POINTS, (deviations * CHECK_POINT_SHARES).max(axis=1)), float(relative.max())
 
 
-def _forces_with_neighbours(force: Array, closed: bool) -> Array:
+def forces_with_neighbours(force: Array, closed: bool) -> Array:
     """Return forces (pairs, nodes) with one more row before and after all pairs.
 
     These rows are 0, or on a whole ring (`closed`) the forces of the last and the first pair.
@@ -208,13 +208,13 @@ def _forces_with_neighbours(force: Array, closed: bool) -> Array:
     return np.concatenate([force[-1:], force, force[:1]]) if closed else np.pad(force, ((1, 1), (0, 0)))
 
 
-def _integrate_forces(pairs: list[Any], wall_paths: Any, square: float, closed: bool) -> None:
+def integrate_forces(pairs: list[Any], wall_paths: Any, square: float, closed: bool) -> None:
     """Write the coefficients of rates and overlaps from the coefficients of forces.
 
     The accelerations of driven walls (`wall_paths`: number of the pair in the island, and path) and Ω² of pendula
     (`square`) are included.
     """
-    q, rows = pairs[0].clock, _forces_with_neighbours(np.array([p.f for p in pairs]), closed).tolist()
+    q, rows = pairs[0].clock, forces_with_neighbours(np.array([p.f for p in pairs]), closed).tolist()
     sigma = q * pairs[0].h ** q
     for below, p, above in zip(rows, pairs, rows[2:], strict=False):
         p.x, p.e = [p.xi] + [0.0] * SERIES_ORDER, [p.eta] + [0.0] * SERIES_ORDER
@@ -247,7 +247,7 @@ def valid_series_time(wall_paths: Any, holds: float, q: int) -> float:
     return holds
 
 
-def _wall_accelerations(wall_paths: Any, count: int, times: Array) -> Array:
+def wall_accelerations(wall_paths: Any, count: int, times: Array) -> Array:
     """Return the accelerations in m/s² of driven walls towards the balls.
 
     The shape is (`count` pairs, times). `times` are in s from the start of the step. The values at the start are

@@ -29,13 +29,13 @@ from granular.md.located.collocation import (
     TO_CHECK_POINTS,
     TO_LEGENDRE,
     TO_POWERS,
-    _force_errors,
-    _forces_with_neighbours,
-    _integrate_forces,
-    _own_speeds,
-    _wall_accelerations,
+    force_errors,
+    forces_with_neighbours,
+    integrate_forces,
     next_event_of_law,
+    own_speeds,
     valid_series_time,
+    wall_accelerations,
 )
 from granular.md.located.pieces import FLOAT_SPACING, value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, RESIDUAL, SERIES_ORDER
@@ -137,7 +137,7 @@ class Collocation:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             self.trials += 1
             force, rate_errors, force_error = self._iterate_forces(pairs)
-            largest_error = float((rate_errors / _own_speeds(pairs)).max())
+            largest_error = float((rate_errors / own_speeds(pairs)).max())
             if (largest_error <= allowed_error and force_error <= MAX_FORCE_ERROR) or not reach > shortest:
                 break
             if largest_error < math.inf:  # a step of this length converges, so only a jump requires a far shorter one
@@ -247,7 +247,7 @@ class Collocation:
         pace = q * h**q * GAUSS_NODES ** (q - 1)
         eta = eta0 + pull * (h * GAUSS_NODES) ** q
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * GAUSS_NODES) ** q
-        pull = pull + _wall_accelerations(self.shaken, len(pairs), (h * GAUSS_NODES) ** q)
+        pull = pull + wall_accelerations(self.shaken, len(pairs), (h * GAUSS_NODES) ** q)
         force, last_change = np.zeros_like(eta), math.inf
         is_active = np.array([p.mode == ACTIVE for p in pairs])
         roundings = self._force_roundings(pairs, xi, eta)
@@ -257,7 +257,7 @@ class Collocation:
             # the Picard iteration diverges: the step is too long
             if not change < 1e300 or change > 1e3 * last_change:
                 break
-            outer = _forces_with_neighbours(np.where(is_active[:, None], force, 0.0), self.closed)
+            outer = forces_with_neighbours(np.where(is_active[:, None], force, 0.0), self.closed)
             push = pull + lower * outer[:-2] - own * outer[1:-1] + upper * outer[2:] - self.square * xi
             eta = eta0 + (push * pace) @ INTEGRATE_TO_NODES.T
             xi = xi0 + (eta * pace) @ INTEGRATE_TO_NODES.T
@@ -272,10 +272,10 @@ class Collocation:
                 noise = np.maximum(
                     4.0 * roundings, np.where(is_active, 0.0, UNCERTAIN_FORCE_SHARE * abs(force).max(axis=1))
                 )
-                force_errors, relative_error = _force_errors(
+                mean_errors, relative_error = force_errors(
                     pairs, force, abs(force @ TO_CHECK_POINTS.T - self._forces(pairs, *check_states)), noise
                 )
-                return force, force_errors * own[:, 0] * h**q, relative_error
+                return force, mean_errors * own[:, 0] * h**q, relative_error
             last_change = change
         return force, np.full(len(pairs), math.inf), math.inf
 
@@ -330,14 +330,14 @@ class Collocation:
             p.deepest = 0.0 if p.mode == OPEN else max(p.deepest, p.xi)
             p.doubt = max(doubt, ROUNDING_CLIPPED_FORCE * p.largest) if p.mode == RESIDUAL else doubt
             p.f, p.g = row if p.mode == ACTIVE else [0.0] * (SERIES_ORDER + 1), row.copy()
-        _integrate_forces(pairs, self.shaken, self.square, self.closed)
+        integrate_forces(pairs, self.shaken, self.square, self.closed)
         has_jump = [
             self._replace_jump(p)
             for p in pairs
             if p.mode == ACTIVE and reach * p.own_speed < JUMP_SHARE * p.own_length
         ]
         if any(has_jump):
-            _integrate_forces(pairs, self.shaken, self.square, self.closed)
+            integrate_forces(pairs, self.shaken, self.square, self.closed)
 
     def _replace_jump(self, p: Any) -> bool:
         """Return whether the force of a pair jumps within a very short step.
