@@ -9,6 +9,7 @@ import pytest
 
 import granular as gr
 from granular import Trajectory, cases, md
+from granular.app.cli.parser import COMMAND_CLASSES
 from granular.cases import build
 from granular.cases.case import options_of
 from granular.comparison import film
@@ -61,6 +62,13 @@ def test_help_of_run_lists_the_options_of_both_engines(granular):
     for option in ("--method", "--dt", "--t-end", "--samples", "--save", "--ties"):
         assert option in out
     assert "granular run SCENE --help lists the parameters of a scene" in out
+
+
+@pytest.mark.parametrize("command", sorted(COMMAND_CLASSES))
+def test_help_has_no_python(granular, command):
+    _, out, _ = granular(f"{command} --help")
+    assert not re.search(r'\bNone\b|\barray\b|\bint\b|\w="', out)
+    assert command != "run" or "number of evenly spaced times" in " ".join(out.split())
 
 
 @pytest.mark.parametrize("engine", ["edmd", "md"])

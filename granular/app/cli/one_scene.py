@@ -33,6 +33,11 @@ MAX_SENSITIVITY_SIZE = 200
 
 They take several hundred runs.
 """
+SAMPLES_HELP = (
+    "States to record: a number of evenly spaced times up to the end of the run, or the word contacts for a few times "
+    "before, during and after every contact. Defaults to the first and the last state. The run is solved twice for "
+    "contacts, and for a number without --t-end. The last sample of a run that ends early is its final state.")
+"""Description of --samples. Python has more values of this option."""
 MAX_CONTACTS_READ = 10**6
 """Maximum number of contacts that are read back from the file of --log."""
 REST_ENERGY_ROUNDING = 1e-14
@@ -79,7 +84,7 @@ class Run(Command):
             for name, option in options_by_engine[engine].items():
                 prefix = "" if name in options_by_engine[other] else f"(--engine {engine} only) "
                 merged[name] = replace(option, about=prefix + option.about)
-        return list(merged.values())
+        return list((merged | {"samples": replace(merged["samples"], about=SAMPLES_HELP)}).values())
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> list[Trajectory]:

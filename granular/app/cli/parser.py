@@ -244,6 +244,7 @@ def _add_options(parser: argparse.ArgumentParser, title: str, options: Iterable[
     group = parser.add_argument_group(title)
     for option in options:
         about = re.sub(r"`+|\*(?=\w+\*)|(?<=\w)\*", "", option.about).replace("%", "%%")
+        about = re.sub(r'(\w+)="(\w+)"', r"--\1 \2", about)
         about = re.sub(r"(?<=\d) (?=\d{3}\b)", "\u00a0", about)  # keeps 1 000 000 on one line
         has_default = option.default is not None and "efault" not in about  # a text can state the default itself
         shown = f" [{_default_text(option.default)}]" if has_default else ""
