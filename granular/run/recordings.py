@@ -23,6 +23,8 @@ CLOCKS = {"t", "time", "zeit", "temps", "tempo", "tiempo", "tijd", "czas"}
 """Names of a first column that contains the times of the rows."""
 NUMBERS = re.compile(r"(?=.*(?:\d|nan))(?:[\s\"';,+\-.\d]|[eE](?=[+\-\d])|nan)+", re.IGNORECASE)
 """A line of numbers, which can have empty cells."""
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+"""A number that can have thousands separators, such as 1,000."""
 NAME_AND_UNIT = re.compile(
     r"^\s*(.*?)[\s/]*(?:[(\[]\s*([^(\[]*?)\s*[)\]]|/\s*([^/()\[\]]*?(?:/[^/()\[\]\s]+)?))?\s*$")
 """Header of a column, such as "v (cm/s)", "v [cm/s]", "v / cm/s" or "v"."""
@@ -44,10 +46,11 @@ Larger overlaps that noise cannot explain are refused as wrong positions.
 def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = None) -> dict[str, check.Array]:
     """Read a text table with units in its header, as phyphox or Tracker exports it.
 
-    Columns are separated by tabs, semicolons or commas, and numbers have a decimal point or a decimal comma. The
-    header is the last line above the numbers, such as ``"Time (s)","Height (cm)"`` or ``t;y / mm``. Lines above it are
-    ignored. Times, lengths, speeds and accelerations are converted to SI units. A column without a unit is not
-    converted, and an empty cell is nan. Rows of empty cells are ignored.
+    Columns are separated by tabs, semicolons or commas, and numbers have a decimal point or a decimal comma. Numbers
+    that can have thousands separators, such as ``"1,000"``, are refused. The header is the last line above the numbers,
+    such as ``"Time (s)","Height (cm)"`` or ``t;y / mm``. Lines above it are ignored. Times, lengths, speeds and
+    accelerations are converted to SI units. A column without a unit is not converted, and an empty cell is nan. Rows of
+    empty cells are ignored.
 
     Parameters
     ----------
@@ -67,8 +70,8 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
     OSError
         If the file cannot be read.
     ValueError
-        If the file has no header, a name occurs twice, a column is missing, a unit or a number cannot be read, or times
-        do not increase.
+        If the file has no header, a name occurs twice, a column is missing, a unit or a number cannot be read, a
+        comma can be a thousands separator, or times do not increase.
     """
     name, data = repr(files.checked_source("path", path)), Path(path).read_bytes()
     lines = [line for line in _decoded(data).splitlines() if line.strip(' \t;,"')]
@@ -84,11 +87,14 @@ def read_recording(path: str | PathLike[str], columns: Sequence[str] | None = No
     separator = next((s for s in "\t;," if s in lines[start - 1]), "\t")
     header, *rows = csv.reader([lines[start - 1].lstrip("# ").rstrip(separator), *lines[start:]], delimiter=separator)
     _check_header(name, header, lines[start - 1], lines[start - 2].split(separator) if start > 1 else [])
+    _check_decimal_marks(name, [cell.strip() for row in rows for cell in row], separator)
     titles, *units = zip(*[NAME_AND_UNIT.findall(cell)[0] for cell in header], strict=True)
     check.raise_if_true({
         f"File {name} has the same name {titles} for several columns. Rename them.": len(set(titles)) < len(titles),
         f"File {name} has rows with more cells than its header {titles}.": any(
-            cell.strip() for row in rows for cell in row[len(titles):])})
+            cell.strip() for row in rows for cell in row[len(titles):]),
+        f"File {name} must separate columns as its header {lines[start - 1]!r} does, got {lines[start]!r}.": len(
+            titles) > max(map(len, rows)) == 1})
     wanted = check.several("columns", columns, "the name of a column, or several") if columns is not None else titles
     check.known_names(wanted, titles, f"column of {name}")
     found = {}
@@ -136,6 +142,19 @@ def _check_header(name: str, header: list[str], line: str, above: list[str]) -> 
     if len(above) == len(header) > 1 and all(cell.strip(" ()[]") in SI_FACTORS for cell in header):
         raise ValueError(f"File {name} must have each unit in the line of names, such as 't (s)', got a separate line "
                          f"of units {line!r}.")
+
+
+def _check_decimal_marks(name: str, cells: list[str], separator: str) -> None:
+    """Raise `ValueError` if commas in numbers can be thousands separators.
+
+    Commas are decimal commas if no number has a decimal point, and if at least one of them cannot be a thousands
+    separator, such as the comma of 0,5. In files with semicolons between columns the first condition is sufficient.
+    """
+    commas = [cell for cell in cells if "," in cell]
+    is_mixed = any(cell.count(".") == 1 for cell in cells)
+    if commas and (is_mixed or (separator != ";" and all(map(THOUSANDS.fullmatch, commas)))):
+        raise ValueError(f"File {name} must have one decimal mark and no thousands separators, got {commas[0]!r}. "
+                         "Write a decimal point.")
 
 
 def velocities(

@@ -1,5 +1,6 @@
 """Recordings: files as phyphox and Tracker export them, and velocities from positions."""
 
+import csv
 import math
 
 import numpy as np
@@ -86,6 +87,13 @@ WRONG = {
     "t,y\n1,2\n1,4\n": "`t[1]` must be a time in s after",
     "t,y\n0,inf\n1,2\n": "must have numbers only below the names of its columns, got '0,inf'.",
     "t,y\n0,n/a\n1,2\n": "must have numbers only below the names of its columns, got '0,n/a'.",
+    't,y\n0,"1,000"\n1,"2,500"\n': "must have one decimal mark and no thousands separators, got '1,000'. "
+                                  "Write a decimal point.",
+    't,y\n0.5,"12,000"\n': "must have one decimal mark and no thousands separators, got '12,000'.",
+    "t;y\n0,5;1.000\n": "must have one decimal mark and no thousands separators, got '0,5'.",
+    "t\ty\n0.5\t1,000.5\n": "must have one decimal mark and no thousands separators, got '1,000.5'.",
+    "y\n1,000\n-2,000\n": "must have one decimal mark and no thousands separators, got '1,000'.",
+    "t;y\n1,2\n2,4\n": "must separate columns as its header 't;y' does, got '1,2'.",
     "t,y\ns,mm\n0,1\n1,2\n": "must have each unit in the line of names, such as 't (s)', got a separate line of units "
                               "'s,mm'.",
 }
@@ -98,6 +106,30 @@ def test_a_file_that_cannot_be_read_is_one_sentence(text, tmp_path):
         gr.read_recording(tmp_path / "file.csv")
     assert WRONG[text] in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(("mark", "thousands"), [(".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (",", " ")])
+def test_tables_at_random_are_read_as_written_or_refused(separator, mark, thousands, tmp_path):
+    """Only numbers with thousands separators are refused. The module csv writes and quotes the cells."""
+    rng, path, refused = np.random.default_rng(ord(separator)), tmp_path / "file.csv", 0
+    for k in range(60):
+        places = [2, *rng.integers(0, 5, 2)]
+        values = 10.0 ** rng.uniform(-3.0, 6.0, (rng.integers(1, 6), 3)) * rng.choice([-1.0, 1.0], 3)
+        values[:, 0] = np.arange(len(values)) + 0.25
+        texts = [[f"{x:,.{n}f}" for x, n in zip(row, places, strict=True)] for row in values.tolist()]
+        with path.open("w", newline="", encoding="utf-8") as file:
+            table = csv.writer(file, delimiter=separator, quoting=csv.QUOTE_ALL if k % 2 else csv.QUOTE_MINIMAL)
+            table.writerow(["t", "x", "y"])
+            table.writerows([cell.translate({ord(","): thousands, ord("."): mark}) for cell in row] for row in texts)
+        if thousands and any("," in cell for row in texts for cell in row):
+            refused += 1
+            with pytest.raises(ValueError, match=r"File .* must have "):
+                gr.read_recording(path)
+        else:
+            found = np.column_stack([*gr.read_recording(path).values()])
+            assert found.tolist() == [[float(cell.replace(",", "")) for cell in row] for row in texts]
+    assert (refused > 30) == bool(thousands)
 
 
 def test_a_missing_column_or_file_is_named(tmp_path):
