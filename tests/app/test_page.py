@@ -175,6 +175,31 @@ def test_every_name_a_module_imports_reaches_the_bundle() -> None:
             assert {name.strip() for name in names.split(",")} <= set(given), f"{module.name} imports from {path}"
 
 
+def test_custom_properties_are_short_but_those_of_the_scripts() -> None:
+    """Each declared property that a rule reads is declared under the same name."""
+    style = ":root{--ink:#000;--inkpot:1;--hard:red;--hard-ball:pink;--to:1}a{b:var(--ink);c:var(--inkpot) var(--to)}"
+    short = assemble._with_short_properties(style, 'colour(`--${engine}`), set("--to", 2)')
+    assert short == ":root{--a:#000;--b:1;--hard:red;--hard-ball:pink;--to:1}a{b:var(--a);c:var(--b) var(--to)}"
+    for parts in (assemble.LIVE_PARTS, assemble.PLAYER_PARTS):
+        html = assemble.page(parts, "x", data={})
+        style, code = html.partition("<style>")[2].partition("</style>")[0], html.partition("<script type=module>")[2]
+        declared = re.findall(r"[{;](--[\w-]+):", style)
+        used = {*re.findall(r"var\((--[\w-]+)", style), *re.findall(r"[\"(](--[a-z-]+)", code)}
+        assert len(used) > 10
+        assert used - {"--from", "--to"} <= set(declared)  # scripts set these two
+        assert set(declared) >= assemble.COMPOSED_PROPERTIES
+
+
+def test_quotation_marks_are_left_out_where_a_value_needs_none() -> None:
+    html = assemble.page(assemble.LIVE_PARTS, "a b", "scene=a", {"a": 'b="c" d="e">'})
+    assert "<section class=pack data-label=pack></section>" in html
+    assert "<input class=guess type=range min=0" in html
+    assert 'data-on="4 5 6 7"' in html
+    assert "<title>a b</title>" in html
+    assert '<body data-start="scene=a">' in html
+    assert '{"a":"b=\\"c\\" d=\\"e\\">"}' in html
+
+
 def test_text_cannot_break_out_of_the_page(tmp_path) -> None:
     assert "</script" not in assemble.embedded({"name": "</script><b>"})
     assert "<title>&quot;&gt;&lt;b&gt;" in assemble.page(assemble.PLAYER_PARTS, '"><b>', data={})

@@ -15,6 +15,7 @@ from importlib.resources import files
 from itertools import chain
 from os import PathLike
 from posixpath import dirname, normpath
+from string import ascii_letters
 from typing import Any
 
 from granular._engine import files as _files
@@ -30,6 +31,12 @@ STYLE_SPACE_PATTERN = re.compile(
     r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)", re.MULTILINE
 )
 """Unnecessary spaces of a style sheet."""
+PROPERTY_PATTERN = re.compile(r"(?<![\w-])--[a-z][\w-]*")
+"""Custom property of a style sheet."""
+COMPOSED_PROPERTIES = frozenset(("--hard", "--soft", "--hard-ball", "--soft-ball"))
+"""Properties whose names the scripts compose."""
+QUOTED_PATTERN = re.compile(r'="([\w-]+)"(?=[ >])')
+"""Attribute whose value needs no quotation marks."""
 COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Object.keys", "Object.values",
                     "Array.from", "Number.isFinite", "Number.isNaN")
 """Functions that get a short name in a bundle. They do not depend on `this`."""
@@ -53,20 +60,30 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
     data : mapping, optional
         Data that the page finds as JSON in its element ``#data``.
     """
+    code, style = _bundle_with_short_names(parts[1]), "".join(part_text(name) for name in parts[2:])
     slots = {
         "title": escape(title),
         "start": escape(start),
         "version": VERSION,
-        "style": STYLE_SPACE_PATTERN.sub("", "".join(part_text(name) for name in parts[2:])),
+        "style": _with_short_properties(STYLE_SPACE_PATTERN.sub("", style), code),
         "blocked": "\n".join(
             f'<p lang="{words(language)["tag"]}">{escape(words(language)[BLOCKED_KEY])}</p>' for language in LANGUAGES
         ),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
-        "script": _bundle_with_short_names(parts[1]),
+        "script": code,
     }
     html = part_text("shell/shell.html").replace("<body>", '<body data-start="{{start}}">')
     body = part_text(parts[0]).replace("{{transport}}", part_text("shell/transport.html"))
-    return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html.replace("{{body}}", re.sub(r"\n\s+", "\n", body)))
+    html = QUOTED_PATTERN.sub(r"=\1", html.replace("{{body}}", re.sub(r"\n\s+", "\n", body)))
+    return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html)
+
+
+def _with_short_properties(style: str, code: str) -> str:
+    """Return a style sheet with short names of its custom properties, except those that the script `code` uses."""
+    names = [name for name in dict.fromkeys(PROPERTY_PATTERN.findall(style))
+             if name not in COMPOSED_PROPERTIES and name not in code]
+    short = dict(zip(names, (f"--{letter}" for letter in ascii_letters), strict=False))
+    return PROPERTY_PATTERN.sub(lambda found: short.get(found[0], found[0]), style)
 
 
 @cache
