@@ -1,7 +1,11 @@
 """A recording beside the models of a bouncing ball, and the guesses of a class: both stay on the device."""
 
+import json
 import math
 import re
+import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,6 +60,79 @@ def test_a_recording_is_played_beside_both_models(blank, story) -> None:
     assert text(blank, ".measured-play") == assemble.words("es")["pause"]
     blank.run("document.querySelector('.measured-play').click()")
     assert text(blank, ".measured-play") == assemble.words("es")["play"]
+    blank.is_worn = True
+
+
+READ = """
+const { flightHeights, recordingIn } = await import("COLUMNS");
+const found = JSON.parse(process.argv[1]).map(recordingIn);
+console.log(JSON.stringify(found.map((one) => [one, one.bounces && flightHeights(one.bounces, 9.81)])));
+"""
+
+
+def read_by_the_page(files):
+    """Return what the page reads from texts, and the heights between bounces."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed: the files that the page reads are not compared with the library's here")
+    columns = Path(assemble.__file__).parent / "live" / "columns.mjs"
+    command = [node, "--input-type=module", "-e", READ.replace("COLUMNS", columns.as_uri()), json.dumps(files)]
+    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+
+def test_times_of_bounces_are_what_the_library_makes_of_them(tmp_path) -> None:
+    """The same times, heights that follow from the speeds of `from_intervals`, and the same restitutions."""
+    random, path = np.random.default_rng(552), tmp_path / "knocks.csv"
+    times = [np.cumsum(0.9 * 0.8 ** np.arange(count) * random.uniform(0.95, 1.0, count)) for count in (4, 7, 12)]
+    rows = ["\n".join(f"{1e3 * t:.4f}".replace(".", sign) for t in each)
+            for each, sign in zip(times, ",.,", strict=True)]
+    files = [f"{name}\n{each}\n" for name, each in zip(("t (ms)", '"Time [ms]"', "Zeit / ms"), rows, strict=True)]
+    for written, (found, heights) in zip(files, read_by_the_page(files), strict=True):
+        path.write_text(written, encoding="utf-8")
+        (read,) = gr.read_recording(path).values()
+        np.testing.assert_allclose(found["bounces"], read, rtol=1e-14)
+        table = gr.TabulatedRestitution.from_intervals(np.diff(read))
+        np.testing.assert_allclose(heights[:-1], table.speed[::-1] ** 2 / (2 * 9.81), rtol=1e-10)
+        np.testing.assert_allclose(np.sqrt(np.divide(heights[1:], heights[:-1])), table.restitution[::-1], rtol=1e-10)
+
+
+@pytest.mark.parametrize("header", [
+    "t;y", "t (s);y (m)", "Time (ms);Height (cm)", "t / s;y / mm", '"t [ms]";"y [dm]"'])
+def test_units_are_those_of_the_library(header, tmp_path) -> None:
+    path = tmp_path / "ball.csv"
+    path.write_text(f"{header}\n0;1,5\n40;1,25\n80;0,5\n", encoding="utf-8")
+    ((found, _),) = read_by_the_page([path.read_text(encoding="utf-8")])
+    np.testing.assert_allclose(found["series"], np.transpose(list(gr.read_recording(path).values())), rtol=1e-14)
+
+
+def test_bounces_are_flights_with_numbers_beside_both_models(blank, story) -> None:
+    """The first bounce is that of the models, and the ball is as high between two bounces as the time says."""
+    go(blank, f"{story}#scene=bouncing-ball&lang=en")
+    note, dots = blank.run(GIVEN % "t (ms)\n2000\n2740\n3350\n3850")
+    assert dots == 4
+    assert note == ("Source: ball.csv, 4 bounces. The file stays on this device. "
+                    "The times T between bounces give the heights g T²/8, in m: 0.671; 0.456; 0.307.")
+    numbers = "[...document.querySelectorAll('.measured .words .bar-value')].map((one) => one.textContent)"
+    assert blank.run(numbers) == ["1", "2", "3", "4"]
+    dot, hard, own = (f"document.querySelector('.measured .body .{kind}')" for kind in (
+        "measured-own", "hard-line", "drop-line"))
+    model, points = ([[float(x) for x in one.split()] for one in blank.run(f"{line}.getAttribute('d')")[1:].split("L")]
+                     for line in (hard, own))
+    lowest = max(model[:120], key=lambda point: point[1])
+    assert blank.run(f"{dot}.cx.baseVal.value") == pytest.approx(lowest[0], abs=2.0)
+    zero = points[0][1]
+    drop = zero - min(y for _, y in model)  # 1 m
+    assert (zero - min(y for _, y in points)) / drop == pytest.approx(0.671, abs=0.005)
+    assert points[-1][1] == pytest.approx(zero, abs=0.1)
+    blank.is_worn = True
+
+
+def test_a_unit_that_is_not_converted_is_named_and_nothing_is_taken(blank, story) -> None:
+    go(blank, f"{story}#scene=bouncing-ball&lang=en")
+    blank.run(GIVEN % "0;1\n1;0\n2;1")
+    note, points = blank.run(GIVEN % "t (s);y (px)\n0;300\n0,04;298")
+    assert note == "Column “y (px)” cannot be read: times must be in s or ms, heights in m, dm, cm or mm."
+    assert points == 3
     blank.is_worn = True
 
 
