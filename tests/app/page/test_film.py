@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.app.page.driving import click, go, last_picture, settle, text, turn
+from tests.app.page.driving import click, fresh, go, last_picture, settle, text, turn
 
 
 def gauges(tab):
@@ -232,3 +232,31 @@ def test_four_clicks_are_heard_against_one(own, story) -> None:
     assert own.run("window.heard.length") == 5
     own.mouse(*own.middle(".sound-button"))
     assert text(own, ".notice") == ""
+
+
+def test_a_guess_stays_in_the_link_on_every_screen(own, story) -> None:
+    """It was lost with the next screen, so a class sent links without guesses."""
+    turn(own, 1)
+    x, y = own.middle(".stage .soft")
+    own.mouse(x, y + 100, to=(x, y))
+    guess = own.run("Number(document.querySelector('.soft .grip').getAttribute('aria-valuenow'))")
+    for state in ("screen=2", "screen=6", "scene=real-balls"):
+        turn(own, state.removeprefix("screen=") if "screen" in state else 7)
+        own.wait(f"location.hash.startsWith('#{state}') && location.hash.includes('&guess={guess:g}')")
+    sent = own.run("location.hash")
+    click(own, ".predict-button")  # a guess in the laboratory is another one
+    own.run("{ const bar = document.querySelector('.guess'); bar.value = 100; bar.dispatchEvent(new Event('input')); }")
+    settle(own)
+    own.wait(f"location.hash.includes('&guess={guess:g}')")
+    fresh(own, f"{story}#screen=3&guess={guess:g}&lang=en")
+    turn(own, 1)
+    settle(own)
+    assert own.run("document.querySelector('.run').disabled") is False
+    assert own.run("Number(document.querySelector('.soft .grip').getAttribute('aria-valuenow'))") == guess
+    assert text(own, ".stage .soft .guess-text") == f"your guess: {guess:g}"
+    own.run("document.querySelector('.class-box').open = true; document.querySelector('.class-guesses').focus()")
+    own.call("Input.insertText", text=f"https://school.example/page.html{sent} guess=11")
+    settle(own)
+    assert own.run("document.querySelectorAll('.stage .soft .dot').length") == 1
+    go(own, f"{story}#screen=1&guess=eleven")
+    assert own.run("document.querySelector('.run').disabled")

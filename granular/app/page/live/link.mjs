@@ -1,7 +1,7 @@
 // The state of the page in its link: #scene=three-balls&gap=0.0001&… , #screen=3&… , and back.
 import { ballCalled, ballKeys, ballNames, cleaned, FIRST, refused, SETUPS, settingsOf, withNames, withoutNames } from "../physics/setups.mjs";
 import { guessesIn } from "./classroom.mjs";
-import { GUESS, LAB, OPENING, startOf } from "./story.mjs";
+import { LAB, OPENING, startOf } from "./story.mjs";
 import { inWords } from "./controls.mjs";
 import { told } from "./words.mjs";
 import { floor, max, min } from "../physics/numbers.mjs";
@@ -16,7 +16,7 @@ export function read(hash, start = "") {
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
   const { name } = begin, values = cleaned(name, { ...begin.values, ...withoutNames(name, given) }), isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
   const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...unknown(name, given, values), ...refused(name, given).map(refusal)];
-  return { screen, name, values, told: notes, plays: screen === LAB && given.at === undefined && !("scene" in own || "screen" in own), at: given.at === undefined ? null : min(1, max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: given.guess };
+  return { screen, name, values, told: notes, plays: screen === LAB && given.at === undefined && !("scene" in own || "screen" in own), at: given.at === undefined ? null : min(1, max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: guessesIn(given.guess ?? "")[0] };
 }
 
 // Told first: notes on the rest are in that language.
@@ -37,11 +37,11 @@ const refusal = ({ slider, asked, shown }) => {
   return { say: "refused", symbol, asked: asked || "–", range, shown: instead };
 };
 
-// `guess` is a pupil's own, `guesses` those of a class.
+// `guess` is a pupil's own, kept on every screen; `guesses` are those of a class.
 export function written({ screen, name, values, at, predict, lang, guesses = [], guess }) {
   const place = screen < LAB ? { screen } : { scene: name };
   const start = cleaned(name, screen < LAB ? startOf(screen).values : {}), own = withNames(name, values, start);
-  const pairs = { ...place, ...own, ...(at === null ? {} : { at: Number(at.toFixed(3)) }), ...(predict ? { predict: 1 } : {}), ...(guess >= 0 && screen === GUESS ? { guess } : {}), ...(guesses.length ? { guesses: guesses.join(" ") } : {}), ...(lang ? { lang } : {}) };
+  const pairs = { ...place, ...own, ...(at === null ? {} : { at: Number(at.toFixed(3)) }), ...(predict ? { predict: 1 } : {}), ...(guess >= 0 ? { guess } : {}), ...(guesses.length ? { guesses: guesses.join(" ") } : {}), ...(lang ? { lang } : {}) };
   return `#${new URLSearchParams(pairs)}`;
 }
 

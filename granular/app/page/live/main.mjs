@@ -24,7 +24,7 @@ class Page {
     speak(languageIn(location.hash, document.body.dataset.start));
     this.state = read(location.hash, document.body.dataset.start);
     this.makeParts();
-    this.predict.set(this.isAsking);
+    this.ask();
     this.listen();
     this.run(true);
     this.rest();
@@ -66,9 +66,15 @@ class Page {
     explainTerms();
   }
 
+  // A guess of the story is kept, and in every link.
+  ask() {
+    this.predict.set(this.isAsking, this.state.screen === GUESS ? this.state.guess : undefined);
+  }
+
   // The stage alone is another while a guess is dragged.
   guess() {
     if (!this.report) return;
+    if (this.state.screen === GUESS) this.state.guess = this.predict.guess ?? undefined;
     this.picture.loadStage();
     this.clock.go(this.clock.share);
   }
@@ -108,7 +114,7 @@ class Page {
   turnTo(screen) {
     const { name, values } = screen < LAB ? startOf(screen) : this.state;
     Object.assign(this.state, { screen, name, values: cleaned(name, values), told: [], at: null, predict: false });
-    this.predict.set(this.isAsking);
+    this.ask();
     this.run();
     this.rest();
     write(this.current(), true);
@@ -120,7 +126,7 @@ class Page {
     if (lang) speak(lang);
     this.told = ""; // what has a name of its own on a screen, too
     this.state = read(location.hash, document.body.dataset.start);
-    this.predict.set(this.isAsking);
+    this.ask();
     this.run();
     this.rest();
   }
@@ -184,7 +190,7 @@ class Page {
 
   current() {
     const { share, film } = this.clock, isResting = abs(share - (this.isFar ? 0 : film.poise)) < 1e-6 || this.state.screen <= GUESS;
-    return { ...this.state, guess: this.predict.guess ?? NaN, at: isResting ? null : share, predict: this.state.screen === LAB && this.predict.on };
+    return { ...this.state, at: isResting ? null : share, predict: this.state.screen === LAB && this.predict.on };
   }
 }
 

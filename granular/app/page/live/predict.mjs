@@ -4,7 +4,7 @@ import { digits } from "../shell/format.mjs";
 import { plain, told } from "./words.mjs";
 import { abs, max } from "../physics/numbers.mjs";
 
-const CAUSES = ["weight", "losses", "overlap"];
+export const CAUSES = ["weight", "losses", "overlap"];
 
 export class Predict {
   // `guessed`: another guess; `reveal`: the film is to run; `switched`: predicting is chosen, or no longer; `uncovered`: what
@@ -24,8 +24,9 @@ export class Predict {
     });
   }
 
-  set(on) {
-    Object.assign(this, { on, guess: null, answered: null, isTold: false, why: null });
+  // `guess`: made before.
+  set(on, guess = null) {
+    Object.assign(this, { on, guess, answered: null, isTold: false, why: null });
     this.cover(on);
     set($(".predict-button"), { "aria-pressed": String(on) });
   }
