@@ -10,7 +10,7 @@ import pytest
 
 import granular as gr
 from granular.app.page import assemble, live_page, player_page, renaming, script
-from tests.app.page.driving import click, fresh, go, named, slide, text
+from tests.app.page.driving import click, fresh, go, named, settle, slide, text
 
 HERE = Path(__file__).parent
 
@@ -160,6 +160,16 @@ SAVED = """
 window.saved = undefined;
 URL.createObjectURL = (blob) => { blob.text().then((t) => { window.saved = t; }); return 'data:,'; };
 """
+
+
+def test_bounces_are_numbered_in_the_table(blank, story) -> None:
+    go(blank, f"{story}#scene=bouncing-ball&lang=en")
+    blank.run("document.querySelectorAll('.table-box details').forEach((one) => { one.open = true; })")
+    settle(blank)
+    first = "[...document.querySelectorAll('.contacts tbody th')].map((cell) => cell.textContent)"
+    blank.wait(f"{first}.length > 0")
+    assert blank.run(first) == ["hard 1", "hard 2", "hard 3", "soft 1", "soft 2", "soft 3"]
+    blank.is_worn = True
 
 
 def test_contacts_as_csv(lab) -> None:

@@ -38,7 +38,8 @@ export class Panels {
   // Hundreds of rows, filled in only while they are to be seen.
   listContacts() {
     if (!$(".contacts-box").open) return;
-    const rows = contactRows(this.report).slice(0, LISTED).map(([engine, pair, ...values]) => [engine, plain(engine), pair, ...values.map((x) => digits(x, 7))]);
+    const counts = {}, counted = (engine) => (counts[engine] = (counts[engine] ?? 0) + 1);
+    const rows = contactRows(this.report).slice(0, LISTED).map(([engine, pair, ...values]) => [engine, `${plain(engine)} ${counted(engine)}`, pair, ...values.map((x) => digits(x, 7))]);
     fillTable($(".contacts"), contactHead(), rows);
   }
 }
