@@ -258,5 +258,26 @@ def test_a_guess_stays_in_the_link_on_every_screen(own, story) -> None:
     own.call("Input.insertText", text=f"https://school.example/page.html{sent} guess=11")
     settle(own)
     assert own.run("document.querySelectorAll('.stage .soft .dot').length") == 1
-    go(own, f"{story}#screen=1&guess=eleven")
+    go(own, f"{story}#screen=1&guess=eleven&lang=en")
     assert own.run("document.querySelector('.run').disabled")
+
+
+COVERED = """
+[...document.querySelectorAll('.stage > svg')].flatMap((view) => {
+  const boxes = (kind) => [...view.querySelectorAll(kind)].map((one) => one.getBoundingClientRect());
+  const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  return boxes('.ball-name, .face, .top-value').filter((one) => boxes('.dot').some((dot) => meet(one, dot)));
+}).length
+"""
+
+
+def test_the_guesses_of_a_class_stay_beside_the_ball(page, story) -> None:
+    """Eight dots at one height covered the name of the ball, when two pictures stood side by side."""
+    page.size(1366, 768)
+    page.media(prefers_reduced_motion="reduce")
+    go(page, f"{story}#screen=1&guess=3&guesses={'4 ' * 30}&lang=en")
+    page.mouse(*page.middle(".run"))
+    settle(page)
+    assert page.run("document.querySelectorAll('.stage .dot').length") == 60
+    assert page.run(COVERED) == 0
+    page.media()

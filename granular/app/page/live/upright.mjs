@@ -137,7 +137,8 @@ export class Upright {
     if (ghost > 0 && poised) parts.push(this.ghostBall(zero + ghost * camera.scales(1)[0], r, plain("gap-mark", { gap: [ghost, "m", 2] })));
     const at = guess ?? (asks ? 1 : null);
     if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? max(12, r) : r, guess === null ? plain("drag-me") : this.guessSaid(guess)));
-    if (zoom < 0.3) parts.push(...dots(look.guesses).map(([height, place]) => markup("circle", { cx: this.w - 16 - 13 * place, cy: camera.down(zero + height * this.scene.drop * camera.scales(0)[0]), r: 5, class: "dot" })));
+    const step = min(13, this.w / 55); // the widest row stays beside the ball
+    if (zoom < 0.3) parts.push(...dots(look.guesses).map(([height, place]) => markup("circle", { cx: this.w - 16 - step * place, cy: camera.down(zero + height * this.scene.drop * camera.scales(0)[0]), r: 0.4 * step, class: "dot" })));
     const written = parts.join("");
     if (this.ghosts.written !== written) this.ghosts.innerHTML = this.ghosts.written = written;
   }
