@@ -1,5 +1,6 @@
 """The laboratory fits two windows, and a lesson is printed from it."""
 
+import math
 import re
 from base64 import b64decode
 from functools import partial
@@ -142,6 +143,17 @@ CUT = """
   return [...parts].filter((one) => end(one) > end(one.ownerSVGElement ?? page) + 1).map((one) => one.textContent);
 })
 """
+TICKED = """
+[...document.querySelectorAll('.sheet .causes')].map((one) => [...one.querySelectorAll('b')].map((b) => b.textContent))
+"""
+GUESSED = """
+(() => {
+  const ruler = document.querySelector('.sheet + .sheet .ruler-sheet'), box = ruler.getBoundingClientRect();
+  const dots = [...ruler.querySelectorAll('circle:not([stroke])')].map((dot) => dot.getBoundingClientRect());
+  return [dots.length, dots.every((dot) => dot.top >= box.top && dot.bottom <= box.bottom && dot.right <= box.right)];
+})()
+"""
+NARROWEST = "Math.min(...[...document.querySelectorAll('.blank.open')].map((one) => one.offsetWidth)) * 25.4 / 96"
 FILLED = "[...document.querySelectorAll('.sheet:nth-child(%d) .blank')].map((one) => one.textContent.trim())"
 
 
@@ -153,12 +165,15 @@ def test_lesson_sheets_fill_three_pages_in_the_words_of_the_page(blank, story, l
     Afterwards the page is as it was. A page that is a file of one's own has no code, for nobody else could open it.
     """
     pypdf, words = pytest.importorskip("pypdf"), assemble.words(language)
-    go(blank, f"{story}#screen=6&lang={language}")
+    go(blank, f"{story}#screen=6&guesses=0 4 4 {'4 ' * 16} 10&lang={language}")
     blank.run("window.print = () => {}")
     click(blank, ".pack-button")
     blank.media("print")
     blank.size(695, 1040)  # 184 mm
     assert blank.run(CUT) == []
+    assert blank.run(NARROWEST) >= 15.0
+    dots, inside = blank.run(GUESSED)
+    assert (dots, inside) == (20, True)
     blank.size(1280, 900)
     blank.media()
     paper = blank.call("Page.printToPDF", preferCSSPageSize=True)["data"]
@@ -170,9 +185,11 @@ def test_lesson_sheets_fill_three_pages_in_the_words_of_the_page(blank, story, l
     blanks = blank.run(FILLED % 1)
     assert blanks == ["\u2060"] * len(blanks)
     numbers = [one.replace(words["decimal"], ".") for one in blank.run(FILLED % 2)]
-    assert numbers[1:6] == ["3.95", "2.32", "0.67", "82", "12"]
-    assert sorted(numbers[6:13]) == ["2v", "3v", "4", "7", "9", "v", "v"]
-    assert numbers[13:] == ["88", "24", "4.4", "12", "53"]
+    assert numbers[1:7] == ["3.95", "2.32", words["pack-own"], "0.67", "82", "12"]
+    assert sorted(numbers[7:14]) == ["2v", "3v", "4", "7", "9", "v", "v"]
+    assert numbers[14:] == ["88", "24", "4.4", "12", "53"]
+    assert float(numbers[16]) == pytest.approx(math.sqrt(2 * 9.81), abs=0.05)
+    assert blank.run(TICKED) == [["", "", ""], ["", "", "✓"]]
     assert blank.run("document.querySelectorAll('.sheet .shaded').length") == 1
     said = text(blank, ".pack")
     titles = blank.run("[...document.querySelectorAll('.sheet h2')].map((one) => one.textContent)")

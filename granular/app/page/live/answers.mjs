@@ -36,11 +36,11 @@ export function answers() {
   const table = Object.entries(screenOf(6).presets()).map(([name, pair]) => [name, [1, 2].flatMap((bounces) => risesFrom({ ...pair, bounces }))]);
   return {
     hard, soft, reason, table, steps: [nine, seven, four],
-    1: { guess: plain("pack-own"), hard: digits(hard), soft: digits(soft) },
+    1: { guess: plain("pack-own"), hard: digits(hard), soft: digits(soft), own: plain("pack-own") },
     2: { drop: quantity(alone.values.height, "m"), height: digits(risesIn(reportOf(alone.name, alone.values), alone.name)[0] * alone.values.height, 2), share: round(100 * values.e1), time: ms(values.t1) },
     3: { up: "v", down: "v", meet: "2v", leave: "3v", nine: round(nine), seven: round(seven), four: round(four) },
     4: { share: round(100 * reason.share) },
-    5: { gap: Math.ceil(1000 * enoughGap(values, near)), v: digits(speed, 2), time: ms(values.t1), reach: ms(speed * values.t1) },
+    5: { drop: quantity(values.height, "m"), gap: Math.ceil(1000 * enoughGap(values, near)), v: digits(speed, 2), time: ms(values.t1), reach: ms(speed * values.t1) },
     7: { gap: quantity(EXIT_GAP, "m"), far: digits(risesFrom({ ...values, gap: EXIT_GAP })[1]), near: digits(risesFrom({ ...values, gap: touching })[1]) },
   };
 }
