@@ -46,20 +46,32 @@ class Tally:
 
 def run(progress: Path, first: int, scenes: int, judged: Callable[[int], Verdict]) -> Tally:
     """Judge seeds first … first + scenes - 1 in batches, skipping those in the progress file; return the sum."""
-    lines = [json.loads(line) for line in progress.read_text().splitlines()] if progress.exists() else []
-    known = {(line["first"], line["beyond"]): line["tally"] for line in lines}
-    total = Tally()
-    for start in range(first, first + scenes, BATCH):
-        span = start, min(start + BATCH, first + scenes)
+    known, total = _known(progress), Tally()
+    for span in _spans(first, scenes):
         if span not in known:
             batch = Tally()
             for seed in range(*span):
                 batch.add(seed, _careful(judged, seed))
             known[span] = vars(batch)
-            lines.append({"first": span[0], "beyond": span[1], "tally": known[span]})
-            _write(progress, lines)
+            _write(progress, [{"first": a, "beyond": b, "tally": tally} for (a, b), tally in known.items()])
         total.join(known[span])
     return total
+
+
+def missing(progress: Path, first: int, scenes: int) -> bool:
+    """Whether a batch of these scenes is not in the progress file."""
+    return not set(_spans(first, scenes)) <= _known(progress).keys()
+
+
+def _spans(first: int, scenes: int) -> list[tuple[int, int]]:
+    """Batches: first seed and the seed after the last."""
+    return [(start, min(start + BATCH, first + scenes)) for start in range(first, first + scenes, BATCH)]
+
+
+def _known(progress: Path) -> dict[tuple[int, int], dict[str, Any]]:
+    """Batches in the progress file, with their tallies."""
+    lines = [json.loads(line) for line in progress.read_text().splitlines()] if progress.exists() else []
+    return {(line["first"], line["beyond"]): line["tally"] for line in lines}
 
 
 def _careful(judged: Callable[[int], Verdict], seed: int) -> Verdict:
