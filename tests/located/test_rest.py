@@ -136,3 +136,25 @@ def test_a_plastic_ball_ends_in_an_elastic_bounce_within_its_dent():
                                          r"dissipate only at the largest overlap so far does not end by itself\. "
                                          r"Give t_end=, until= or max_events=\."):
         gr.md.simulate(ball, law)
+
+
+@pytest.mark.parametrize("law", [gr.LinearDashpot(1e6), gr.Hertz(1e8), gr.PowerLaw(1e7, 2.0)])
+def test_an_elastic_ball_from_a_touch_at_rest_stays_in_contact(law):
+    """It returns to the touch at rest, and would otherwise be followed until the limit of steps."""
+    touching = gr.Scene([math.inf, 1.0], [0.0] * 2, [0.0], [0.0] * 2, 9.81)
+    pressed = gr.Scene([1.0, 2.0], [0.0] * 2, [0.0], [0.0] * 2, external_force=[30.0, 5.0])
+    for scene in (touching, pressed):
+        for end in ({"max_events": 5}, {"until": gr.until.contact(0, 3)}):
+            run = gr.md.simulate(scene, law, max_steps=1000, engine="plain", **end)
+            assert run.status is gr.Status.quiet
+            assert run.stats["contacts"] == len(run.contacts) == 1
+            assert math.isnan(run.contacts["t_end"][0])
+            assert " J, equals the " in run.message
+    at_rest = (9.81 / law.k) ** (1.0 / getattr(law, "exponent", 1.5 if isinstance(law, gr.Hertz) else 1.0))
+    for rise in (1e-12, 1e-6, 0.1):  # more than rounding: the ball leaves the floor
+        falls = touching.replace(gap=[rise * at_rest])
+        run = gr.md.simulate(falls, law, max_events=5, max_steps=5000, engine="plain")
+        assert (run.status, run.stats["contacts"]) == (gr.Status.max_events, 5)
+    still = gr.md.simulate(touching.replace(gap=[-at_rest]), law, max_events=5, max_steps=1000, engine="plain")
+    assert " J, is less than the " in still.message
+    assert " inf J" not in still.message

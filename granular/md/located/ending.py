@@ -101,7 +101,8 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
     groups = [[p for _, p in group] for _, group in groupby(enumerate(touching), lambda at: at[1].number - at[0])]
     # the inverse masses `lower` and `upper` are 0 for a wall: a group between two walls is closed
     decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
-    energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
+    relation = "is less than" if r.energy < (1.0 - 1e-9) * r.barrier else "equals"  # see `equilibrium.prove_group`
+    energies = f"{r.energy:.3g} J, {relation} the {r.barrier:.3g} J that"
     reason = f"the energy about the equilibrium, {energies} the first contact needs to open"
     return f"{sentence}: {reason}; the slowest motion decays in {decay:.3g} s"
 

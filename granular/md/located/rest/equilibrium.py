@@ -42,6 +42,9 @@ NOT_YET: nothing is proved. RESTS: the balls come to rest, because every contact
 contact permanently, but not every contact is damped.
 """
 
+TOUCH_ENERGY_ROUNDING = 1e-14
+"""Rounding error of the energy of an elastic pair that began at a touch at rest, relative to its barrier."""
+
 
 @kernel
 def end_of_group(pairs: Any, pool: Any, c: int) -> int:
@@ -76,7 +79,11 @@ def prove_group(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
             head.barrier = min(head.barrier, energy_barrier(pool[pairs[c].slot]))
     head.energy = energy
     # 1e-9: margin for rounding errors of energy and barrier
-    return damped if energy < (1.0 - 1e-9) * head.barrier else NOT_YET
+    if energy < (1.0 - 1e-9) * head.barrier:
+        return damped
+    # an elastic pair that began at a touch at rest returns to it, and separates at most by rounding errors
+    is_alone = b == a + 1 and damped == BOUND
+    return BOUND if is_alone and energy <= (1.0 + TOUCH_ENERGY_ROUNDING) * head.barrier else NOT_YET
 
 
 @kernel

@@ -275,7 +275,8 @@ def store_nearest_group(run: Any, pairs: Any, pool: Any, lo: int) -> None:
     for c in range(lo, pairs[lo].hi if pairs[lo].slot >= 0 else lo):
         pair = pool[pairs[c].slot]
         heads = pair.mode == ACTIVE and (c == lo or pool[pairs[c - 1].slot].mode != ACTIVE)
-        if heads and pair.energy * run.barrier >= run.energy * pair.barrier:
+        # the first group is always stored: an energy of 0 times the initial barrier inf would be nan
+        if heads and (run.barrier == math.inf or pair.energy * run.barrier >= run.energy * pair.barrier):
             run.energy, run.barrier = pair.energy, pair.barrier
 
 
