@@ -6,8 +6,8 @@ is exchanged while balls 1 and 2 touch each other.
 The apex of a ball is the first highest point of a flight that it reaches before its next contact. With a bounce number
 above 1, only flights after that contact with the floor count. If the run stops before the apex, it is continued, with
 all further collisions. A run with fixed steps is repeated with a later end instead. A ball that comes to rest first has
-the height 0, and a ball that hits a ceiling first has no apex. (granular/app/page/physics/apex.mjs has the same
-definition, for scenes without a ceiling.)
+the height 0, or no apex above a driven floor. A ball that hits a ceiling first has no apex.
+(granular/app/page/physics/apex.mjs has the same definition, for scenes without a ceiling.)
 """
 
 from __future__ import annotations
@@ -148,17 +148,22 @@ class Continuation:
             return md.resume(
                 run, t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN, max_steps=MAX_STEPS_PER_RUN
             )
+        # bodies that have merged, and draws of thermal walls, continue only from a checkpoint
+        if self.report.hard_options["collapse"] == "merge" or run.scene.heated:
+            return edmd.resume(run, t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN)
         speed = self.report.impact_speed  # nan before the first collision
+        velocity = np.where(run.scene.is_wall, run.scene.velocity, run.velocity[-1])  # the scene adds motions of walls
         return edmd.simulate(
-            run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0), self.report.rule, t_start=start,
+            run.scene.replace(gap=run.gap[-1], velocity=velocity, origin=0.0), self.report.rule, t_start=start,
             t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN, collapse="merge",
             merge_below=MERGING_SPEED_FACTOR * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
     def heights(self, times: check.Array, further: Trajectory | None = None) -> check.Array:
         """Heights in m above the lowest body, with radii subtracted, (len(times), n).
 
-        `times` in s increase. The heights are nan at times after the run stopped at a limit. `further` is a
-        continuation, whose last sample is used if its time is the only time.
+        A driven floor counts without its motion m(t) - m(t_start). `times` in s increase. The heights are nan at times
+        after the run stopped at a limit. `further` is a continuation, whose last sample is used if its time is the only
+        time.
         """
         early = times <= self.before.time[-1]
         gaps = [repeat_with_samples(self.report, self.engine, times[early]).gap] if early.any() else []
@@ -168,6 +173,8 @@ class Continuation:
             run = self.run(float(times[-1]), times[~early])
             gaps.append(run.gap[run.time.searchsorted(times[~early][times[~early] <= run.time[-1]])])
         known = np.pad(np.cumsum(np.concatenate(gaps), axis=1), ((0, 0), (1, 0)))
+        start = float(self.before.time[0])
+        known[:, 1:] += np.reshape(self.report.scene._moved(0, times[: len(known)] - start, start)[0], (-1, 1))
         return np.pad(known, ((0, len(times) - len(known)), (0, 0)), constant_values=math.nan)
 
 
@@ -212,9 +219,10 @@ def apexes(
     """
     scene, continuation, options = report.scene, Continuation(report, engine), report.hard_options
     result = np.full((len(bodies), 2), math.nan)
-    # `Continuation` continues without these options
+    # `Continuation` continues without these options, and needs a checkpoint for the draws of thermal walls
     not_continuable = engine == "hard" and (TIE_ORDERS[options["ties"]] == GROUP
-                                          or options["tc"] > 0.0 or options["elastic_below"] > 0.0)
+                                          or options["tc"] > 0.0 or options["elastic_below"] > 0.0
+                                          or (scene.heated and report.hard.status in EARLY_STATUSES))
     if (report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity
             or not scene.is_wall[0] or not_continuable):
         return result
@@ -239,11 +247,12 @@ def apexes(
         is_at_rest = not (run.gap[-1].any() or np.ptp(run.velocity[-1])) or run.stats.get("resting", False)
         if is_at_rest or run.status is not Status.time or ((apex_times <= end) | np.isinf(apex_times)).all():
             break
-    # a ball that forces press onto another one flies with it, before they come to rest
-    has_none = np.isinf(apex_times) | (scene.closing_acceleration[1:] > 0.0).any()
+    # a driven floor can throw balls up again; a ball that forces press onto another one flies with it
+    has_none = np.isinf(apex_times) | scene.driven | (scene.closing_acceleration[1:] > 0.0).any()
     apex_times[apex_times > run.time[-1]] = math.nan
     times, index = np.unique(np.nan_to_num(apex_times, nan=start), return_inverse=True)
-    tops = np.maximum(0.0, continuation.heights(times, run)[index, list(bodies)])
+    least = -math.inf if scene.driven else 0.0
+    tops = np.maximum(least, continuation.heights(times, run)[index, list(bodies)])
     result[:, 1] = np.where(np.isfinite(apex_times), tops, np.where(is_at_rest & ~has_none, 0.0, math.nan))
     return result
 
@@ -261,7 +270,7 @@ def _apex_of_last_flight(run: Trajectory, bounce: int) -> tuple[float, float] | 
     if scene._flags or scene.is_wall.tolist() != [True] + [False] * top or scene.velocity[0] or top < 2:
         return None
     time = _apex(scene, log, top, bounce)
-    last = log[log["pair"] == top - 1][-1:]["t_end"]
+    last = _contacts_of(log, top)[-1:]["t_end"]
     if not (len(last) and time > float(last[0])):  # False for nan
         return None
     y, v = float(run.gap[-1].sum()), float(run.velocity[-1, top])
@@ -286,7 +295,7 @@ def _apex(scene: Scene, log: Any, body: int, bounce: int, before_next: bool = Fa
     before_next : bool
         Whether only flights that begin before the next contact with the floor count.
     """
-    floor = np.append(np.sort(log["t_begin"][log["pair"] == 0]), [math.inf, math.inf])
+    floor = np.append(np.sort(log["t_begin"][log["pair"] == 0]), [math.inf] * (bounce + 1))
     since, until = floor[bounce - 1] if bounce > 1 else -math.inf, floor[bounce] if before_next else math.inf
     floor_velocity, deceleration = float(scene.velocity[0]), -float(scene.fall[body])
     for begin, velocity, hit, pair in _flights(log, body, since):
@@ -306,7 +315,7 @@ def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
     The next pair ends the flight. The flights are in time order. Flights after contacts that begin before `since` are
     left out. Times are in s, and the velocity in m/s. The last flight ends at inf, with pair -1.
     """
-    rows = log[(log["pair"] == body) | (log["pair"] == body - 1)]
+    rows = _contacts_of(log, body)
     rows = rows[np.argsort(rows["t_end"], kind="stable")]
     for k, row in enumerate(rows[~np.isnan(rows["t_end"])]):
         t = float(row["t_end"])
@@ -316,6 +325,20 @@ def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
         if not in_contact and row["t_begin"] >= since:
             hit, pair = (math.inf, -1) if following is None else (float(following["t_begin"]), int(following["pair"]))
             yield t, float(row["v_out"][int(row["pair"] < body)]), hit, pair
+
+
+def _contacts_of(log: Any, body: int) -> Any:
+    """Contacts that change the velocity of a body.
+
+    They are the contacts of its pairs, and collisions after which hard spheres stick, if all bodies between this pair
+    and the body stick to it already.
+    """
+    pair, is_own = log["pair"], (log["pair"] == body) | (log["pair"] == body - 1)
+    sticks = (log["t_begin"] == log["t_end"]) & (log["v_out"][:, 0] == log["v_out"][:, 1])
+    for row in np.flatnonzero(sticks & ~is_own).tolist():
+        between = range(pair[row] + 1, body) if pair[row] < body else range(body, pair[row])
+        is_own[row] = all(sticks[:row][pair[:row] == k][-1:].any() for k in between)
+    return log[is_own]
 
 
 def floor_share(report: Any) -> float:

@@ -160,8 +160,10 @@ class ComparedRuns:
         """Height in m to which the top ball rises, in the hard run and in the soft run.
 
         It is the first apex of its free flight after a contact. A run that stops earlier is continued.
-        ``rises(bounce=2)`` starts at the second contact with the floor. A ball whose last contact is at height 0
-        leaves it at √(2 g rise). nan without gravity, or if the apex cannot be determined.
+        ``rises(bounce=2)`` starts at the second contact with the floor. Heights are measured from the floor, radii
+        subtracted. A driven floor counts without its motion m(t) - m(t_start), so its initial position has the height
+        0 if its constant velocity is 0. A ball whose last contact is at height 0 leaves it at √(2 g rise). nan without
+        gravity, for balls that rest on a driven floor, or if the apex cannot be determined.
         """
         from granular.comparison.further import rises
 

@@ -46,7 +46,7 @@ def test_the_rise_of_the_second_bounce_does_not_hang_on_where_the_run_stops():
 
 
 @pytest.mark.usefixtures("interpreted")
-@pytest.mark.parametrize("bounce", [1, 2, 3])
+@pytest.mark.parametrize("bounce", [1, 2, 3, 6])
 def test_a_ball_alone_rises_by_the_square_of_its_restitution_at_each_bounce(bounce):
     scene = gr.scenes.bouncing_ball(height=1.0)
     law = gr.LinearDashpot.from_restitution(0.8, 1e7, scene.pairs[0])
@@ -124,6 +124,86 @@ def test_balls_that_lie_on_a_moving_floor_rise_nothing():
     still, moving = (gr.compare(pile.replace(velocity=np.full(pile.n, boost)), law, t_end=0.6).rises[0]
                      for boost in (0.0, 0.5))
     assert still == moving == 0.0
+
+
+def first_apex(report, t_end):
+    """First apex of the top ball after a contact, from samples of an uninterrupted hard run; nan without one."""
+    scene, options = report.scene, report.hard_options | {"t_end": t_end, "until": None, "samples": 1001}
+    run = gr.edmd.simulate(scene, report.rule, **options)
+    top = int(np.flatnonzero(~scene.is_wall)[-1])
+    drift = scene.velocity[0] * (run.time - run.time[0])
+    height = run.position[:, top] - run.position[0, 0] - drift - 2.0 * scene.radius[1:top].sum() - scene.radius[top]
+    rate = run.velocity[:, top] - scene.velocity[0]
+    touched = run.contacts["t_begin"][run.contacts["pair"] == top - 1].min()
+    for k in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)):
+        apex = run.time[k] + rate[k] / scene.gravity
+        log = run.contacts[np.isin(run.contacts["pair"], [top - 1, top])]["t_begin"]
+        if run.time[k] > touched and not ((log > run.time[k]) & (log < apex)).any():
+            return height[k] + rate[k] ** 2 / (2.0 * scene.gravity)
+    return math.nan
+
+
+@pytest.mark.rotating
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize("seed", range(8))
+def test_rises_above_a_driven_floor_are_heights_above_its_start(seed):
+    """Before, a continued hard run gave the floor its momentary velocity as a constant one: 0.722 m for 0.824 m."""
+    rng = np.random.default_rng([7, seed])
+    n, floor = int(rng.integers(1, 4)), gr.walls.Sine(10.0 ** rng.uniform(-4, -2), 10.0 ** rng.uniform(0.5, 1.5), seed)
+    scene = gr.Scene([math.inf, *0.5 ** np.arange(n)], [0.0] + [0.02] * n,
+                     [rng.uniform(0.1, 0.5), *rng.uniform(1e-3, 1e-2, n - 1)], [0.2 * (seed % 2)] + [0.0] * n, 9.81,
+                     floor=floor)
+    eps = rng.uniform(0.5, 0.9)
+    law = [gr.LinearDashpot.from_restitution(eps, k=1e11, pair=pair) for pair in scene.pairs]
+    reports = [gr.compare(scene, law, until=gr.until.contact(0, nth)) for nth in (1, 2)]
+    expected = first_apex(reports[0], 1.0)
+    for report in reports:
+        assert report.rises[0] == pytest.approx(expected, rel=1e-9)
+        assert report.rises[1] == pytest.approx(report.rises[0], rel=2e-3)
+
+
+@pytest.mark.rotating
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize("speed", [None, 0.1, 0.5])
+@pytest.mark.parametrize("seed", range(3))
+def test_rises_of_merged_balls_are_those_of_the_uninterrupted_run(seed, speed):
+    """Before, a run was continued with a smaller `merge_below`: 0.21 mm for balls that lie."""
+    rng = np.random.default_rng([8, seed])
+    n = int(rng.integers(2, 6))
+    scene = gr.Scene([math.inf, *rng.uniform(0.3, 1.5, n)], [0.0] + [0.02] * n,
+                     [rng.uniform(0.1, 0.5), *10.0 ** rng.uniform(-5, -2, n - 1)], [0.0] * (n + 1), 9.81)
+    law = [gr.LinearDashpot.from_restitution(rng.uniform(0.05, 0.6), k=1e9, pair=pair) for pair in scene.pairs]
+    ends = {"until": gr.until.contact(0, 1)}, {"until": gr.until.contact(0, 2)}, {"t_end": 1.0}
+    reports = [gr.compare(scene, law, **end, collapse="merge", merge_below=speed) for end in ends]
+    expected = first_apex(reports[0], 1.0)
+    for report in reports:
+        assert report.rises[0] == pytest.approx(0.0 if math.isnan(expected) else expected, rel=1e-9)
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_rise_above_a_thermal_floor_does_not_hang_on_where_the_run_stops():
+    """Before, a continued hard run drew the first speeds again."""
+    scene = gr.Scene([math.inf, 1.0, 0.5], [0.0, 0.02, 0.02], [0.1, 1e-3], [0.0] * 3, 9.81,
+                     floor=gr.walls.Thermal(2.0, 3))
+    law = [gr.LinearDashpot.from_restitution(0.8, k=1e9, pair=pair) for pair in scene.pairs]
+    short, long = (gr.compare(scene, law, until=gr.until.contact(0, nth)) for nth in (2, 5))
+    assert short.rises == pytest.approx(long.rises, rel=1e-9)
+    assert short.rises(2)[0] == pytest.approx(long.rises(2)[0], rel=1e-9)
+    assert short.rises(4)[0] == pytest.approx(long.rises(4)[0], rel=1e-9)
+    box = gr.Scene([math.inf, 1.0, math.inf], [0.0, 0.02, 0.0], [0.3, 5.0], [0.0] * 3, 9.81,
+                   ceiling=gr.walls.Thermal(2.0, 3))
+    law = [gr.LinearDashpot.from_restitution(0.4, k=1e8, pair=pair) for pair in box.pairs]
+    collapsed = gr.compare(box, law, t_end=3.0)
+    assert collapsed.hard.status is gr.Status.collapse
+    assert np.isnan(further.apexes(collapsed, "hard", [1])).all()
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_balls_that_rest_on_a_driven_floor_have_no_rise():
+    """Before, their rise was 0, also if the floor throws them later."""
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.02], [0.0], [0.0, 0.0], 9.81, floor=gr.walls.Sine(1e-3, 5.0, math.pi / 2))
+    report = gr.compare(scene, gr.LinearDashpot.from_restitution(0.5, k=1e8, pair=scene.pairs[0]), t_end=1.0)
+    assert np.isnan(further.apexes(report, "hard", [1])).all()
 
 
 def test_without_a_floor_no_ball_rises():
