@@ -62,6 +62,10 @@ def slide(tab, name, value):
     settle(tab)
 
 
+def time_bar(tab):
+    return tab.run("Number(document.querySelector('.time-bar').value)")
+
+
 def turn(tab, screen):
     tab.run(f"document.querySelector('.steps [data-screen=\"{screen}\"]').click()")
 

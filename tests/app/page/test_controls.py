@@ -1,22 +1,14 @@
-"""The real pages in a headless Chromium."""
+"""The laboratory in a browser: its controls and the numbers they change."""
 
-import json
-from html import escape
 from pathlib import Path
-from urllib.parse import urlparse
-from urllib.request import url2pathname
 
 import pytest
 
 import granular as gr
-from granular.app.page import assemble, live_page, player_page, renaming, script
-from tests.app.page.driving import click, fresh, go, named, settle, slide, text
+from granular.app.page import assemble, renaming, script
+from tests.app.page.driving import click, fresh, go, named, settle, slide, text, time_bar
 
 HERE = Path(__file__).parent
-
-
-def time_bar(tab):
-    return tab.run("Number(document.querySelector('.time-bar').value)")
 
 
 def test_the_paper_is_what_the_laboratory_opens_with(page, live) -> None:
@@ -93,67 +85,6 @@ def test_keyboard(lab) -> None:
     lab.run("document.querySelector('[data-name=eps]').focus()")
     lab.key("ArrowRight")
     assert time_bar(lab) == 0  # arrows belong to the slider that has the focus
-
-
-def test_the_link_brings_everything_back(lab, story) -> None:
-    click(lab, "[data-scene=newtons-cradle]")
-    slide(lab, "n", 7)
-    slide(lab, "gap", 300)
-    lab.key("ArrowRight")
-    lab.wait("location.hash.includes('n=7') && location.hash.includes('at=0.01')")
-    link, told = lab.run("location.hash"), text(lab, ".verdict")
-    fresh(lab, story + link)
-    assert text(lab, ".verdict") == told
-    assert (text(lab, "output[for=slider-n]"), time_bar(lab)) == ("7", 20)
-    lab.run("location.hash = '#scene=ball-stack&n=99&eps=nonsense'")
-    lab.wait("document.querySelector('output[for=slider-massRatio]') !== null")
-    assert text(lab, "output[for=slider-n]") == "8"
-    assert text(lab, "output[for=slider-eps]") == "0.9"
-    assert text(lab, ".notice").startswith("ε cannot be nonsense here (0.1 – 1): 0.9 is shown. N cannot be 99")
-
-
-@pytest.mark.rotating
-@pytest.mark.parametrize("name", ["constructor", "toString", "__proto__"])
-def test_a_scene_that_is_none_is_told(blank, story, name) -> None:
-    go(blank, f"{story}#scene={name}")
-    assert text(blank, ".notice") == f"There is no scene “{name}” here."
-    assert text(blank, ".verdict").startswith("No: hard spheres promise the top ball 3.56")
-
-
-def test_a_value_that_cannot_be_is_told_until_something_changes(blank, story) -> None:
-    go(blank, f"{story}#gap=-1")
-    assert text(blank, ".notice") == "Δh cannot be -1 here (0, 100 nm – 0.1 m): 0 m is shown."
-    slide(blank, "gap", 500)
-    assert text(blank, ".notice") == ""
-
-
-HOST = """<!doctype html><title>host</title><p>The host's page</p><iframe ATTRIBUTES width=900 height=700></iframe>"""
-
-
-@pytest.mark.rotating
-@pytest.mark.parametrize("sandbox", ["", "sandbox='allow-scripts'"])
-@pytest.mark.parametrize("way", ["src", "srcdoc"])
-def test_inside_an_iframe_it_stays_what_it_is(blank, live, tmp_path, way, sandbox) -> None:
-    """It once replaced itself by the host's page, as about:srcdoc has the host's address for its base."""
-    content = live if way == "src" else escape(Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8"))
-    host = HOST.replace("ATTRIBUTES", f'{way}="{content}" {sandbox}')
-    (tmp_path / "host.html").write_text(host, encoding="utf-8")
-    blank.open((tmp_path / "host.html").as_uri())
-    frame = blank.frame()
-    blank.wait_in(frame, "performance.getEntriesByName('drawn').length > 0")
-    blank.run_in(frame, "document.querySelector('.steps [data-screen=\"5\"]').click()")
-    blank.run_in(frame, MOVED)
-    blank.run("new Promise((done) => setTimeout(done, 450))")
-    after = blank.frame()
-    assert blank.run_in(after, "document.querySelector('.story-title').textContent") == "Drag until both agree"
-    assert blank.run_in(after, "document.querySelector('h1').textContent") == "Hard or soft?"
-    assert blank.run_in(after, "document.querySelector('.soft .grip').getAttribute('aria-valuenow')") == "0"
-    assert blank.run("document.querySelector('p').textContent") == "The host's page"
-
-
-MOVED = """
-document.querySelector('.soft .grip').dispatchEvent(new KeyboardEvent('keydown', { key: 'Home', bubbles: true }))
-"""
 
 
 SAVED = """
@@ -283,128 +214,3 @@ def test_nothing_sticks_out_on_a_small_phone(blank, story, scene) -> None:
     blank.size(360, 740, mobile=True)
     fresh(blank, f"{story}#scene={scene}")
     assert blank.run("document.documentElement.scrollWidth") <= 360
-
-
-def test_the_player_manages_a_thousand_balls(tab, tmp_path) -> None:
-    scene = gr.scenes.gas(n=1000)
-    run = gr.edmd.simulate(
-        scene, gr.ConstantRestitution(0.9), t_end=5 * float(scene.gap.mean()), samples=500, engine="sorted"
-    )
-    player_page(tmp_path / "gas.html", [run, run], ["gas", "twin"])
-    fresh(tab, (tmp_path / "gas.html").as_uri(), "drawn")
-    assert "of 500 rows" in text(tab, ".honest")
-    assert tab.run("document.querySelectorAll('canvas').length") == 8
-    tab.key("End")
-    assert time_bar(tab) == 2000
-    tab.size(360, 740, mobile=True)
-    assert tab.run("document.documentElement.scrollWidth") <= 360
-    assert tab.complaints == []
-    assert json.dumps(sorted(set(tab.requests))).count("http") == 0
-
-
-def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> None:
-    scene, times = gr.scenes.three_balls(gap=1e-4), [0.001 * i for i in range(601)]
-    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
-    runs = [gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=0.6, samples=times),
-            gr.md.simulate(scene, law, t_end=0.6, samples=times)]
-    player_page(tmp_path / "two.html", runs, ["hard", "soft"], "Two balls")
-    fresh(tab, (tmp_path / "two.html").as_uri(), "drawn")
-    assert text(tab, ".player-title") == "Two balls"
-    assert tab.run("document.querySelectorAll('.run-box.upright').length") == 2
-    lefts = "[...document.querySelectorAll('.run-box')].map((box) => [...box.querySelectorAll('.over-time canvas')]"
-    assert tab.run(lefts + ".map((c) => c.getBoundingClientRect().left)).every((l) => new Set(l).size === 1)")
-    assert tab.run("document.querySelector('.slow').checked")
-    click(tab, ".next")
-    assert text(tab, ".time-now").endswith("µs")
-    assert text(tab, ".time-now").startswith("0.318 s")
-    tab.size(360, 740, mobile=True)
-    for _ in range(8):
-        assert len(text(tab, ".time-now")) < 30
-        assert tab.run("document.documentElement.scrollWidth") <= 360
-        click(tab, ".nearer")
-    named(tab, "whole run")
-    tab.run("{ const s = document.querySelector('.shown'); s.value = 2; s.dispatchEvent(new Event('change')); }")
-    assert "0 is touching" in text(tab, ".lines-key")
-    assert tab.complaints == []
-
-
-def test_the_player_shows_motion_and_says_what_is_enlarged(tab, tmp_path) -> None:
-    """A cradle stood still for 9 s, a gas was specks, and a column on a floor lay on its side."""
-    rule, cradle, gas = gr.ConstantRestitution(0.95), gr.scenes.newtons_cradle(n=5, gap=1e-6), gr.scenes.gas(n=50)
-    runs = [gr.edmd.simulate(cradle, rule, until=gr.until.separated(), samples=50),
-            gr.edmd.simulate(gas, rule, t_end=float(gas.gap.mean()), samples=50),
-            gr.edmd.simulate(gr.scenes.column(n=3), rule, t_end=1.0, samples=50)]
-    told, upright = [], []
-    tab.size(1280, 900)
-    for run in runs:
-        player_page(tmp_path / "motion.html", [run])
-        fresh(tab, (tmp_path / "motion.html").as_uri(), "drawn")
-        told.append(text(tab, ".now-key"))
-        upright.append(tab.run("document.querySelectorAll('.run-box.upright').length"))
-    assert told[0] == "balls now; displacements and overlaps × 50"
-    assert told[1].startswith("balls now; smallest drawn × 3.")
-    assert told[2] == "balls now"
-    assert upright == [0, 0, 1]
-    assert tab.complaints == []
-
-
-def test_a_run_that_is_over_in_an_instant_is_shown(tab, tmp_path) -> None:
-    """Touching hard balls pass a blow on at once: there was no scale of time, and the film was slowed infinitely."""
-    run = gr.edmd.simulate(gr.scenes.newtons_cradle(3), gr.ConstantRestitution(1.0))
-    assert run.time[-1] == run.time[0]
-    player_page(tmp_path / "instant.html", [run])
-    fresh(tab, (tmp_path / "instant.html").as_uri(), "drawn")
-    assert "All of it is at one instant" in text(tab, ".honest")
-    assert text(tab, ".slowdown") == "slowed 9 ×"
-    assert tab.complaints == []
-
-
-def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):
-    scene = gr.scenes.bouncing_ball(0.01, plate=gr.walls.Sine.from_acceleration(2.0, 50.0))
-    law = gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=scene.pairs[0])
-    run = gr.md.simulate(scene, law, t_end=0.1, method="verlet", dt=2e-5, samples=300)
-    player_page(tmp_path / "plate.html", [run])
-    fresh(tab, (tmp_path / "plate.html").as_uri(), "drawn")
-    assert "work of the floor, J" in text(tab, ".facts")
-    assert "dissipated, J" in text(tab, ".facts")
-    assert tab.complaints == []
-
-
-STRICT = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'self'\">"
-
-
-@pytest.mark.rotating
-@pytest.mark.parametrize("policy", [STRICT, STRICT.replace("default", "script")])
-def test_where_scripts_are_forbidden_the_page_says_so(tab, live, tmp_path, policy) -> None:
-    html = Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8")
-    (tmp_path / "strict.html").write_text(html.replace("<head>", f"<head>{policy}"), encoding="utf-8")
-    tab.open((tmp_path / "strict.html").as_uri())
-    tab.wait("getComputedStyle(document.querySelector('.blocked')).visibility === 'visible'")
-    said = tab.run("document.body.innerText")
-    assert all(assemble.words(language)["blocked"] in said for language in assemble.LANGUAGES)
-
-
-def test_a_page_that_runs_says_nothing_of_it(lab) -> None:
-    assert lab.run("document.querySelector('.blocked')") is None
-    assert "may not run here" not in lab.run("document.documentElement.outerHTML")
-
-
-def test_the_page_opens_in_the_state_it_is_asked_for(blank, tmp_path) -> None:
-    asked = {"upper": "golf ball", "gap": 2e-3, "pair_rule": "series", "upper_mass": 0.04, "language": "de", "at": 0.5}
-    live_page(tmp_path / "golf.html", "real-balls", asked)
-    fresh(blank, (tmp_path / "golf.html").as_uri())
-    case = gr.cases.make("real-balls", upper="golf ball", gap=2e-3, pair_rule="series")
-    assert text(blank, "output[for=slider-gap]") == "2 mm"
-    assert text(blank, "output[for=slider-m2]") == "40 g"
-    assert text(blank, "output[for=slider-r2]") == f"{1e3 * case.scene.radius[2]:.3g}".replace(".", ",") + " mm"
-    assert (text(blank, ".story-title"), time_bar(blank)) == ("Das Labor", 1000)
-    assert text(blank, ".notice") == ""
-
-
-def test_a_link_to_a_file_on_this_disk_is_copied_without_its_path(lab) -> None:
-    keep = "{writeText: async (text) => { window.kept = text; }}"
-    lab.run(f"Object.defineProperty(navigator, 'clipboard', {{value: {keep}}})")
-    click(lab, ".link-button")
-    lab.wait("window.kept")
-    assert lab.run("window.kept").startswith("#scene=three-balls")
-    lab.wait("document.querySelector('.link-button').textContent.includes('#')")
