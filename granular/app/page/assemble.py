@@ -37,8 +37,8 @@ COMPOSED_PROPERTIES = frozenset(("--hard", "--soft", "--hard-ball", "--soft-ball
 """Properties whose names the scripts compose."""
 QUOTED_PATTERN = re.compile(r'="([\w-]+)"(?=[ >])')
 """Attribute whose value needs no quotation marks."""
-COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Object.keys", "Object.values",
-                    "Array.from", "Number.isFinite", "Number.isNaN")
+COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Object.hasOwn", "Object.keys",
+                    "Object.values", "Array.from", "Math.ceil", "Number.isFinite", "Number.isNaN")
 """Functions that get a short name in a bundle. They do not depend on `this`."""
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")

@@ -105,6 +105,18 @@ def test_units_are_those_of_the_library(header, tmp_path) -> None:
     np.testing.assert_allclose(found["series"], np.transpose(list(gr.read_recording(path).values())), rtol=1e-14)
 
 
+@pytest.mark.parametrize("written", [
+    '"t (ms)","y (mm)"\n"0","1,000"\n"40","990"\n', '"t (s)","y (mm)"\n"0.0","1,000.0"\n"0.1","951.0"\n"0.2","804.0"\n',
+    "t (s)\n1,000\n1,800\n2,500\n", "t (ms)\n500\n1,300\n2,000\n", "t;y\n0;1\n0,04;0.99\n", "0,5\n1,3\n2,0\n"])
+def test_numbers_that_can_be_read_in_two_ways_are_refused_as_by_the_library(written, tmp_path) -> None:
+    path = tmp_path / "ball.csv"
+    path.write_text(written, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"no thousands separators|no line of names above numbers"):
+        gr.read_recording(path)
+    ((found, _),) = read_by_the_page([written])
+    assert found == {"cell": re.search(r"\d+,[\d.]+", written)[0]}
+
+
 def test_bounces_are_flights_with_numbers_beside_both_models(blank, story) -> None:
     """The first bounce is that of the models, and the ball is as high between two bounces as the time says."""
     go(blank, f"{story}#scene=bouncing-ball&lang=en")
@@ -127,11 +139,23 @@ def test_bounces_are_flights_with_numbers_beside_both_models(blank, story) -> No
     blank.is_worn = True
 
 
+def test_a_number_that_can_be_read_in_two_ways_is_named_and_utf_16_is_read(blank, story) -> None:
+    go(blank, f"{story}#scene=bouncing-ball&lang=en")
+    note, points = blank.run(GIVEN % "0,5\n1,3\n2,0")
+    assert note == "“0,5” is unclear: write numbers only, with a decimal point."
+    assert points == 76
+    given = (GIVEN % "BYTES").replace("'BYTES'", str(list("t\ty\n0\t1\n0,1\t0,9\n".encode("utf-16"))))
+    note, points = blank.run(given.replace("new File([", "new File([Uint8Array.from(").replace("], 'ball", ")], 'ball"))
+    assert note.startswith("Source: ball.csv, 2 points.")
+    assert points == 2
+    blank.is_worn = True
+
+
 def test_a_unit_that_is_not_converted_is_named_and_nothing_is_taken(blank, story) -> None:
     go(blank, f"{story}#scene=bouncing-ball&lang=en")
     blank.run(GIVEN % "0;1\n1;0\n2;1")
     note, points = blank.run(GIVEN % "t (s);y (px)\n0;300\n0,04;298")
-    assert note == "Column “y (px)” cannot be read: times must be in s or ms, heights in m, dm, cm or mm."
+    assert note == "“y (px)” cannot be read: give times in s or ms, heights in m, dm, cm or mm."
     assert points == 3
     blank.is_worn = True
 
@@ -174,7 +198,7 @@ def test_files_that_are_short_long_below_the_floor_or_not_chosen(blank, story) -
     blank.run("document.querySelector('.measured-file').dispatchEvent(new Event('change'))")
     settle(blank)
     assert text(blank, ".measured-note") == note
-    rows = "Array.from({ length: 2e5 }, (_, i) => `${i},1`).join('\\n')"
+    rows = "Array.from({ length: 2e5 }, (_, i) => `${i};1`).join('\\n')"
     blank.run((GIVEN % "ROWS").replace("'ROWS'", rows))
     blank.wait("document.querySelector('.measured-note').textContent.includes('200000')")
     assert 1000 < blank.run("document.querySelectorAll('.measured .body .measured-own').length") <= 1500

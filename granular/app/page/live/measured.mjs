@@ -7,7 +7,7 @@ import { simulateHard } from "../physics/hard.mjs";
 import { contactsIn, sceneOf } from "../physics/setups.mjs";
 import { simulateSoft } from "../physics/soft.mjs";
 import { hardHeights, softHeights } from "../physics/traces.mjs";
-import { flightHeights, recordingIn } from "./columns.mjs";
+import { flightHeights, recordingIn, textIn } from "./columns.mjs";
 import { RECORDED } from "./recorded.mjs";
 import { plain, told } from "./words.mjs";
 import { max, min } from "../physics/numbers.mjs";
@@ -28,8 +28,8 @@ export class Measured {
   // Of a file, which stays on this device.
   async take(file) {
     if (!file) return;
-    const given = recordingIn(await file.text().catch(() => "")), { series, bounces, column } = given ?? { column: "" };
-    if (column !== undefined) return told($(".measured-note"), column ? "measured-unit" : "measured-bad", { name: column });
+    const given = recordingIn(textIn(await file.arrayBuffer().catch(() => new ArrayBuffer()))), { series, bounces, column, cell } = given ?? {};
+    if (!series && !bounces) return told($(".measured-note"), column ? "measured-unit" : cell ? "measured-cell" : "measured-bad", { name: column ?? cell });
     Object.assign(this, { given, source: { say: bounces ? "measured-bounces" : "measured-own", name: file.name, n: (series ?? bounces).length } });
     if (!$(".measured-box").hidden) this.load("bouncing-ball", this.values);
   }
