@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -176,6 +177,21 @@ def test_own_columns_are_read_with_either_decimal_sign(blank, story, written, sa
     assert note.startswith(said)
     assert drawn == points
     assert float(blank.run("[...document.querySelectorAll('.measured .grid text')].at(-2).textContent")) <= 1.0
+    blank.is_worn = True
+
+
+@pytest.mark.parametrize("name", ["drop_t_1.csv", "[[eps|a]] {n}.csv", "<b>&amp.csv", "W" * 200])
+def test_names_from_outside_are_shown_as_they_are(blank, story, name) -> None:
+    """An underscore was a subscript, brackets were a button, and a long name made the page wider than the window."""
+    blank.size(390, 844, mobile=True)
+    go(blank, f"{story}#scene=bouncing-ball&lang=en&{quote(name)}=1")
+    assert text(blank, ".notice") == f"There is no setting “{name}” here."
+    wrong = f"t;{name} (px)\n0;1\n1;0"
+    for written, said in (("t;y\n0;1\n1;0", "Source: {}, 2 points."), (wrong, "“{} (px)” cannot be")):
+        note, _ = blank.run((GIVEN % written).replace("'ball.csv'", repr(name)))
+        assert note.startswith(said.replace("{}", name))
+        assert blank.run("document.querySelector('.measured-note').children.length") == 0
+    assert blank.run("document.documentElement.scrollWidth") <= 390
     blank.is_worn = True
 
 

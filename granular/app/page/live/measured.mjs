@@ -1,7 +1,7 @@
 // A recording beside both models of a bouncing ball, on one clock: in time, and as three balls side by side. Of bounces the
 // times are known: the ball flies on parabolas between them, and the first is that of the models.
 import { Chart, tickName, ticks } from "../shell/axes.mjs";
-import { $, set, svg } from "../shell/dom.mjs";
+import { $, set, svg, text } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
 import { simulateHard } from "../physics/hard.mjs";
 import { contactsIn, sceneOf } from "../physics/setups.mjs";
@@ -9,7 +9,7 @@ import { simulateSoft } from "../physics/soft.mjs";
 import { hardHeights, softHeights } from "../physics/traces.mjs";
 import { flightHeights, recordingIn, textIn } from "./columns.mjs";
 import { RECORDED } from "./recorded.mjs";
-import { plain, told } from "./words.mjs";
+import { plain, say, told } from "./words.mjs";
 import { max, min } from "../physics/numbers.mjs";
 
 const CURVE_STEPS = 240, BALL = 7, PLACES = [1.05, 1.1, 1.15], DOTS = 1500; // of the curves; pixels; where the balls are, in spans of time; drawn at most
@@ -29,7 +29,7 @@ export class Measured {
   async take(file) {
     if (!file) return;
     const given = recordingIn(textIn(await file.arrayBuffer().catch(() => new ArrayBuffer()))), { series, bounces, column, cell } = given ?? {};
-    if (!series && !bounces) return told($(".measured-note"), column ? "measured-unit" : cell ? "measured-cell" : "measured-bad", { name: column ?? cell });
+    if (!series && !bounces) return text($(".measured-note"), say(column ? "measured-unit" : cell ? "measured-cell" : "measured-bad", { name: column ?? cell })); // as it is: a name can have an underscore
     Object.assign(this, { given, source: { say: bounces ? "measured-bounces" : "measured-own", name: file.name, n: (series ?? bounces).length } });
     if (!$(".measured-box").hidden) this.load("bouncing-ball", this.values);
   }
@@ -46,7 +46,7 @@ export class Measured {
     const hard = simulateHard(scene, eps, { record: true }), soft = simulateSoft(scene, eps, k, { record: true });
     Object.assign(this, { values, end, models: [(t) => max(0, hardHeights(hard, t)[1]), (t) => max(0, softHeights(soft, t)[1]), (t) => between(this.series, t)] });
     const heights = bounces && flightHeights(bounces, own.gravity).slice(0, HEIGHTS_TOLD).map((height) => digits(height)).join("; ");
-    told($(".measured-note"), this.source.say, { ...this.source, heights });
+    text($(".measured-note"), say(this.source.say, { ...this.source, heights }));
     told($(".measured-play"), this.begun ? "pause" : "play"); // in another language, too
     this.draw();
     this.show(this.now ?? 0);
