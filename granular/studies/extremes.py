@@ -123,7 +123,7 @@ class Tried:
 
     @property
     def sign(self) -> str:
-        """Number of right digits, or the sign of a verdict other than "right"."""
+        """Number of correct digits, or the sign of a verdict other than "right"."""
         return VERDICT_SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
 
 
@@ -157,7 +157,7 @@ class Stability(Report):
         return [row for row in self.rows if row.method == method and scene in (None, row.scene)]
 
     def table(self) -> list[list[str]]:
-        """Return the table of right digits and signs, as rows of strings.
+        """Return the table of correct digits and signs, as rows of strings.
 
         It has one row per scene and one column per method, with one entry for each time step.
         """
@@ -168,7 +168,7 @@ class Stability(Report):
 
     @style()
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw the table, shaded by the number of right digits.
+        """Draw the table, shaded by the number of correct digits.
 
         Returns the figure, or saves it to `path`.
         """
@@ -217,7 +217,7 @@ class Stability(Report):
         return {**vars(self), "rows": [asdict(row) for row in self.rows]}
 
     def __str__(self) -> str:
-        """Table of right digits, runs per verdict, worst wrong runs, and scenes not tried."""
+        """Table of correct digits, verdict counts, worst wrong runs and untried scenes."""
         wrong = sorted((row for row in self.rows if row.verdict == "wrong"), key=lambda row: -np.nan_to_num(row.error))
         lines = self.table() + [
             [name, *(str(sum(row.verdict == name for row in self.of(method))) for method in self.table()[0][1:])]

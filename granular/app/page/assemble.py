@@ -79,7 +79,10 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
 
 
 def _with_short_properties(style: str, code: str) -> str:
-    """Return a style sheet with short names of its custom properties, except those that the script `code` uses."""
+    """Return a style sheet with short names of its custom properties.
+
+    Properties that the script `code` uses keep their names.
+    """
     names = [name for name in dict.fromkeys(PROPERTY_PATTERN.findall(style))
              if name not in COMPOSED_PROPERTIES and name not in code]
     short = dict(zip(names, (f"--{letter}" for letter in ascii_letters), strict=False))
