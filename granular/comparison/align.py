@@ -76,13 +76,13 @@ def equalize_counts(hard: Trajectory, soft: Trajectory, options: Mapping[str, An
 
     Notes
     -----
-    A contact that one run still lacks can begin later by the lag. The lag is the isolated duration at its
-    approach speed, plus the time that its balls need to travel the distance by which they can be behind. This distance
-    is the largest approach speed times the sum of all durations so far, both of the component. The second part of the
-    lag is at most the length of the run.
+    A contact that one run still lacks counts if it begins within the lag after the end of the run. The lag is the
+    isolated duration t_c(v) at the approach speed v of the contact, plus a travel time s/v. The balls can be behind by
+    the distance s, the largest approach speed of the component times the sum of all durations of its contacts so far.
+    The travel time is at most the length of the run.
 
-    Two kinds of pairs do not wait for a missing contact: hard spheres that touch at the start and have not collided by
-    the end, and pairs that rest at the end of one run while their balls bounce ever lower in the other run.
+    A run is not continued for two kinds of pairs: hard spheres that touch at the start and have not collided by the
+    end, and pairs that rest at the end of one run while their balls bounce ever lower in the other run.
     """
     if _is_settled(hard, soft):
         return hard, soft
@@ -194,8 +194,8 @@ def _latest_onsets(hard: Trajectory, soft: Trajectory, needed_counts: Any) -> Ar
 
     Row 0 is for the hard run, row 1 for the soft run. The value is the end of the run. If the pair has fewer contacts
     in this run than `needed_counts`, the lag of `allowed_delay` is added, for the approach speed of the pair's last
-    contact in the other run. Nothing is added in row 0 for the two kinds of pairs that do not wait for a missing
-    contact, see `equalize_counts`.
+    contact in the other run. Nothing is added in row 0 for the two kinds of pairs that do not continue a run,
+    see `equalize_counts`.
 
     Parameters
     ----------

@@ -139,8 +139,8 @@ class Departures:
 def episodes(soft: Trajectory, compared: Any) -> Any:
     """Episode of every contact in the log, numbered from 0 by onset, (m,).
 
-    If two contacts of neighbouring pairs overlap in time, the later contact begins during the last contact of the other
-    pair that has begun by then. To find all links, it is therefore enough to look for one such contact on either side.
+    Contacts of one pair follow each other. If two contacts of neighbouring pairs overlap in time, the later one
+    therefore begins during the most recent contact of the other pair. It is enough to test this contact on either side.
 
     Parameters
     ----------

@@ -74,8 +74,9 @@ class Remedies(Report):
         without a remedy, the last row is the TC model with the value of tc that comes nearest to soft spheres.
     tc : float
         A value of tc in s with which the TC model is right: its observable differs from the value of soft spheres by at
-        most 0.01 for E/E0, otherwise by at most 0.01 of the value. It is searched from ten contact durations down to a
-        thousandth. 0 if hard spheres are right without it, nan if none was found because the value jumps with tc.
+        most 0.01 for E/E0, otherwise by at most 0.01 of the value. It is searched between a thousandth of the shortest
+        contact duration and ten of them. 0 if hard spheres are right without it. nan if no value is right, for example
+        because the observable jumps with tc.
     """
 
     report: ComparisonWithAnswer

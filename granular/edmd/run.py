@@ -121,7 +121,7 @@ class Run:
     def to(self, time: float, last: bool) -> Pause:
         """Advance the run towards the time `time` (s), and return the reason of the pause.
 
-        A call processes at most some thousand events, and ends earlier if the run ends. `last` is True if no later
+        A call processes at most several thousand events, and ends earlier if the run ends. `last` is True if no later
         sample is requested. If it is False, no event is processed at the start time.
         """
         state, events_before, rounded_due = self.state, self.events, -math.inf

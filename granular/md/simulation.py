@@ -77,9 +77,10 @@ def simulate(
         End time in s, and a condition from `granular.until`. By default a run ends when no further contact is possible,
         or at one of the limits below. `t_end`, `until` or `max_events` is required in scenes where another contact can
         always follow: with driven or thermal walls, on a ring, and for pendula. This also holds under gravity on a
-        floor if all laws are like `WaltonBraun`, because balls then finally bounce elastically, forever. Elastic
-        balls that fall back to a floor, that forces press together, or that fly between two walls need one of these
-        options or `max_steps`. Walls that approach each other need a `t_end` before they meet.
+        floor if all laws have memory and do not depend on the rate, such as `WaltonBraun`: balls then finally bounce
+        elastically, without end. Elastic balls that fall back to a floor, that forces press together, or that fly
+        between two walls need one of these options or `max_steps`. Walls that approach each other need a `t_end` before
+        they meet.
     t_start : float
         Time of the initial state in s. Defaults to 0.
     samples : None, int, "contacts" or array of float
@@ -89,13 +90,13 @@ def simulate(
         samples without `t_end`. If a run ends before the last requested time, its final state is the last sample.
     log : bool or path
         Whether to keep one row per contact in ``contacts``. If it is the path of a new file, such as ``"run.npy"``,
-        rows are written to that file block by block instead. This needs no memory, and all written blocks remain
+        rows are written to that file block by block instead. Memory then holds one block, and all written blocks remain
         readable if the process is killed. ``contacts`` then stays empty, and `Trajectory.contact_batches` reads the
         file. Defaults to True.
     max_events, max_steps : int, optional
         Stop with status ``max_events`` after that number of contacts or steps, by default 1 000 000 and 20 000 000.
-        Under laws other than powers, contacts can creep or chatter. A run also stops with this status if some thousand
-        trial steps hardly advance the time.
+        Under laws other than powers, contacts can creep or chatter. A run also stops with this status if several
+        thousand trial steps hardly advance the time.
     on_event : callable, optional
         Called with each row of the contact log, in batches, in the order in which contacts end. With fixed steps,
         contacts that end within one step can come in any order.

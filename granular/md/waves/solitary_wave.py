@@ -98,7 +98,8 @@ class SolitaryWave:
     def width(self, share: float) -> float:
         """Return the width of the wave at the fraction `share` of its peak force.
 
-        This is the length in diameters on which the force exceeds it. `share` is between 1e-12 and 1.
+        This is the length in diameters on which the force exceeds that fraction of its peak. `share` is between 1e-12
+        and 1.
         """
         fraction = check.number("share", share, at_least=1e-12, at_most=1.0, fix="Smaller forces are rounding errors.")
         low, high = 0.0, 0.5 * PERIOD_DIAMETERS
