@@ -138,8 +138,8 @@ def test_overlaps_too_deep_for_a_force_law_are_told_as_by_the_library(blank, sto
     log, radius = report.soft.contacts, case.scene.radius  # of the two pairs, the balls overlap more
     share = f"{100.0 * log['xi_max'][log['pair'] == 1].max() / radius[2]:.2g}"
     assert float(share) > 100.0 * log["xi_max"][log["pair"] == 0].max() / radius[1] > 10.0
-    told = (f"basketball and tennis ball overlap by {share} % of the smaller radius; force laws are valid up to about"
-            " 10 %.")
+    told = (f"The overlap of basketball and tennis ball is {share} % of the smaller radius; force laws are valid up to"
+            " about 10 %.")
     blank.wait(f"document.querySelector('.finals-note').textContent.replace(/\u00a0/g, ' ') === {told!r}")
     blank.is_worn = True
 
