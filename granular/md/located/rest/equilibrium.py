@@ -43,7 +43,7 @@ contact permanently, but not every contact is damped.
 """
 
 TOUCH_ENERGY_ROUNDING = 1e-14
-"""Rounding error of the energy of an elastic pair that began at a touch at rest, relative to its barrier."""
+"""Relative rounding error of the energy of an elastic pair from a touch at rest."""
 
 
 @kernel
