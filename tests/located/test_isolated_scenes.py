@@ -47,8 +47,18 @@ def agree(seed: int, scene: gr.Scene, laws: Any, shifts: int = 8, **options: Any
         assert off <= 30.0 * own
         for name in ("contacts", "isolated"):
             assert new.stats[name] == old.stats[name]
-        assert new.status == old.status
+        assert new.status == old.status or is_followed_at_rest(new, old, options["max_steps"])
     return off / own
+
+
+def is_followed_at_rest(new: gr.Trajectory, old: gr.Trajectory, max_steps: int) -> bool:
+    """Whether both rest, and one is followed step by step because rounding keeps it from lying still.
+
+    At seed 1959 a soft contact on stiff ones decays in 420 steps. Their roundings leave 1.15e-14 of its overlap by
+    pieces, more than the 1e-14 up to which a pile lies still, and less after a contact solved as one event.
+    """
+    steps = [run.stats["steps"] for run in (new, old) if run.status is gr.Status.max_events]
+    return bool(new.stats["resting"] and old.stats["resting"]) and steps == [max_steps]
 
 
 @pytest.mark.rotating
