@@ -18,6 +18,7 @@ import granular as gr
 from bench import reference
 from bench.reference.series import fraction
 from granular.laws.kinds import checked
+from granular.scene.walls.panels import Panels
 from tests.helpers.fuzz.judge import FALLS_SHORT, SHIFT, SHIFTS, Verdict, shift
 from tests.helpers.fuzz.scenes import Case, _between, _start
 
@@ -25,6 +26,8 @@ MOST = 7
 """Contacts of a scene."""
 LOOSE = 1e-6
 """The reference is not believed if with ten digits less it differs from itself by more."""
+DIGITS = 20
+"""Digits of the reference."""
 STEPS = 20_000
 """Pieces after which a run is cut off."""
 
@@ -127,7 +130,7 @@ def _ended(rng: Any, one: Driven) -> Driven | None:
     return Driven(one.case, fitted, one.laws, one.start, end)
 
 
-def judge(one: Driven, digits: int = 20) -> Verdict:
+def judge(one: Driven, digits: int = DIGITS) -> Verdict:
     """Run engine and reference on a scene, and compare pairs, speeds and times of all contacts, and the end.
 
     Errors are in units of the largest speed times the condition: the response of velocities (the engine's own) to
@@ -164,7 +167,19 @@ def judge(one: Driven, digits: int = 20) -> Verdict:
     if abs(balance[-1] - balance[0]) > 1e-12 * turned:
         verdict.why, verdict.error = "account", float(abs(balance[-1] - balance[0]) / turned)
     verdict.kind = "short" if verdict.error > FALLS_SHORT else "ok"
+    if verdict.kind == "short" and verdict.why != "account" and verdict.error <= _path_noise(one) / (speed * condition):
+        return Verdict("unjudged", "the path of a wall is not known better")
     return verdict
+
+
+def _path_noise(one: Driven) -> float:
+    """Velocity (m/s) up to which fitted paths are uncertain: their error over half the length of a polynomial.
+
+    A function of late times is rounded: at 1000 s, an ulp of time is 3e-10 of a panel of 4e-4 s, and neighbouring
+    panels have velocities that differ by as much.
+    """
+    panels = [path for path in one.scene.motions if isinstance(path, Panels)]
+    return max((path.error / (0.5 * float(np.diff(path.edges).min())) for path in panels), default=0.0)
 
 
 def _closing(both: Any) -> float:
@@ -218,6 +233,8 @@ def judged(seed: int) -> Verdict:
     """The verdict on the scene of a seed."""
     one = generate(seed)
     verdict = judge(one)
-    if verdict.kind == "short" and math.isinf(verdict.error) and grazes(one):
-        return Verdict("unjudged", "a contact of rounding")
+    if verdict.kind == "short" and math.isinf(verdict.error):
+        if grazes(one):
+            return Verdict("unjudged", "a contact of rounding")
+        return judge(one, 2 * DIGITS)  # the reference may have missed a touch of balls that hardly move
     return verdict
