@@ -2,7 +2,7 @@
 
 from html import escape
 from pathlib import Path
-from urllib.parse import urlparse
+from urllib.parse import quote, urlparse
 from urllib.request import url2pathname
 
 import pytest
@@ -42,6 +42,26 @@ def test_a_value_that_cannot_be_is_told_until_something_changes(blank, story) ->
     assert text(blank, ".notice") == "Δh cannot be -1 here (0, 100 nm – 0.1 m): 0 m is shown."
     slide(blank, "gap", 500)
     assert text(blank, ".notice") == ""
+
+
+@pytest.mark.parametrize(("key", "values", "top", "shown"), [
+    ("guess", ["abc", "-1", "1e9", "11", "1.5.2", "", "NaN"], 10, "–"), ("at", ["abc", "-0.1", "5", ""], 1, "–"),
+    ("screen", ["9", "-1", "abc", "", "1#screen=2"], 7, "The laboratory")])
+def test_numbers_of_the_page_that_cannot_be_are_told_and_not_changed(blank, story, key, values, top, shown) -> None:
+    """guess=-1 was the guess 1, guess=1e9 too, and screen=9 was the laboratory without a word."""
+    place = "screen=1&lang=en" if key == "guess" else "lang=en"
+    for value in values:
+        go(blank, f"{story}#{place}&{key}={value.replace('#', '%23')}")
+        told = f"{key} cannot be {value or '–'} here (0 – {top}): {shown} is shown."
+        assert text(blank, ".notice") == told
+        assert blank.run("document.querySelector('.notice').checkVisibility()")
+        blank.wait(f"!location.hash.includes('{key}={value}')" if value else f"!location.hash.includes('{key}=')")
+    for value, kept in (("3,5", "3.5"), ("0", "0"), ("+10", "10")) if key == "guess" else ():
+        go(blank, f"{story}#{place}&{key}={quote(value)}")
+        assert text(blank, ".notice") == ""
+        blank.wait(f"location.hash.includes('guess={kept}&')")
+        grip = "document.querySelector('.soft .grip').getAttribute('aria-valuetext')"
+        assert blank.run(grip) == f"your guess: {kept}"
 
 
 HOST = """<!doctype html><title>host</title><p>The host's page</p><iframe ATTRIBUTES width=900 height=700></iframe>"""

@@ -1,7 +1,8 @@
 // The guesses of a class: typed or pasted on the teacher's screen, one dot each beside the ruler; a pupil's own in its link.
 import { min, round } from "../physics/numbers.mjs";
 
-const HIGHEST = 10, WIDEST = 14, AS_LINK = /guess=([\d.]+)/g, AS_NUMBER = /\d+(?:[.,]\d+)?/g; // drop heights, dots side by side
+export const HIGHEST = 10; // drop heights
+const WIDEST = 14, AS_LINK = /guess=([\d.]+)/g, AS_NUMBER = /\d+(?:[.,]\d+)?/g; // dots side by side
 
 // In a text with links only what they say counts; else every number in it.
 export function guessesIn(written) {

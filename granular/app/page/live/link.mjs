@@ -1,28 +1,38 @@
 // The state of the page in its link: #scene=three-balls&gap=0.0001&… , #screen=3&… , and back.
 import { ballCalled, ballKeys, ballNames, cleaned, FIRST, refused, SETUPS, settingsOf, withNames, withoutNames } from "../physics/setups.mjs";
-import { guessesIn } from "./classroom.mjs";
+import { guessesIn, HIGHEST } from "./classroom.mjs";
 import { LAB, OPENING, startOf } from "./story.mjs";
 import { inWords } from "./controls.mjs";
 import { told } from "./words.mjs";
-import { floor, max, min } from "../physics/numbers.mjs";
+import { floor } from "../physics/numbers.mjs";
 
 const PAGE_KEYS = ["scene", "screen", "at", "predict", "lang", "guess", "guesses"];
+const RANGES = { screen: LAB, at: 1, guess: HIGHEST }; // of numbers, from 0 on
 const QUIET = 250; // ms without a change before the link follows: browsers limit how often it may change
 
 // A link with nothing but a language opens what the file was made for, `start`.
 export function read(hash, start = "") {
-  const own = parsed(hash), given = { ...(Object.keys(own).every((key) => key === "lang") ? parsed(start) : {}), ...own }, asked = Number(given.screen);
-  const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? OPENING : given.screen && asked >= OPENING && asked < LAB ? floor(asked) : LAB;
+  const own = parsed(hash), given = { ...(Object.keys(own).every((key) => key === "lang") ? parsed(start) : {}), ...own };
+  const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? OPENING : floor(numberIn(given, "screen") ?? LAB);
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
   const { name } = begin, values = cleaned(name, { ...begin.values, ...withoutNames(name, given) }), isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
-  const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...unknown(name, given, values), ...refused(name, given).map(refusal)];
-  return { screen, name, values, told: notes, plays: screen === LAB && given.at === undefined && !("scene" in own || "screen" in own), at: given.at === undefined ? null : min(1, max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: guessesIn(given.guess ?? "")[0] };
+  const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...unknown(name, given, values), ...beyond(given), ...refused(name, given).map(refusal)];
+  return { screen, name, values, told: notes, plays: screen === LAB && given.at === undefined && !("scene" in own || "screen" in own), at: numberIn(given, "at") ?? null, predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: numberIn(given, "guess") };
 }
 
 // Told first: notes on the rest are in that language.
 export const languageIn = (hash, start = "") => parsed(hash).lang ?? parsed(start).lang;
 
 const parsed = (hash) => Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
+
+// A number of the page in its range, else undefined.
+function numberIn(given, key) {
+  const x = Number(given[key]?.replace(",", ".") || NaN);
+  return x >= 0 && x <= RANGES[key] ? x : undefined;
+}
+
+const beyond = (given) => Object.keys(RANGES).filter((key) => key in given && numberIn(given, key) === undefined)
+  .map((symbol) => ({ say: "refused", symbol, asked: given[symbol] || "–", range: `0 – ${RANGES[symbol]}`, shown: symbol === "screen" ? { say: "s7-title" } : "–" }));
 
 // Keys and balls that there are not.
 function unknown(scene, given, values) {
