@@ -6,7 +6,7 @@ from urllib.parse import parse_qsl
 import pytest
 
 import granular as gr
-from granular.app.page import live_page
+from granular.app.page import assemble, live_page
 from tests.app.page.driving import click, fresh, go, last_picture, settle, slide, text
 
 LOWEST = "Math.max(...[...document.querySelectorAll('.stage, .play')].map((e) => e.getBoundingClientRect().bottom))"
@@ -181,3 +181,22 @@ def test_balls_held_far_apart_are_in_the_picture(blank, story, link) -> None:
     tops = blank.run("[...document.querySelectorAll('.stage .ball .face')].map((b) => b.getBoundingClientRect().top"
                      " - b.closest('.stage svg, svg').getBoundingClientRect().top)")
     assert min(tops) > -2
+
+
+ALL_CONTACTS = ["all contacts together", "alle Kontakte zusammen", "tous contacts réunis", "todos los contactos juntos",
+                "bütün temaslar birlikte", "所有接触合计"]
+
+
+@pytest.mark.parametrize(("language", "counted"), list(zip(assemble.LANGUAGES, ALL_CONTACTS, strict=True)))
+def test_the_share_of_one_push_is_not_taken_for_that_of_all_contacts(page, story, language, counted) -> None:
+    """Text and curve give 88 % of the floor's push. The tile gives 89 % of the impulse of all contacts."""
+    case = gr.cases.make("real-balls", lower="basketball", upper="tennis ball", gap=1e-3, height=1.0, pair_rule="lens")
+    soft = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end).soft
+    go(page, f"{story}#scene=real-balls&lang={language}")
+    tile = text(page, ".figure:nth-child(3)")
+    assert counted in tile
+    assert f"{100.0 * gr.measures.shared_impulse(soft):.0f}" in re.findall(r"\d+", tile)
+    places = ".because-line", ".push-key > :nth-child(2)"
+    pushes = [re.findall(r"\d+(?= ?%)|(?<=%)\d+", text(page, place)) for place in places]
+    assert pushes[0] == pushes[1]
+    assert pushes[0][0] not in re.findall(r"\d+", tile)
