@@ -20,6 +20,8 @@ INF, A = math.inf, gr.Answer
 FEW = {"drop": 3, "floor": 3, "pendula": 2, "sine": 2, "piecewise": 5, "thermal": 4, "resting": 4, "box": 20,
        "touching": 50}
 """Questions of kinds that take longer, or less long; three of each other."""
+MAX_UNDECIDED = 2
+"""Undecided answers of a batch of 48 scenes, in which both agree. Chance gives one batch more of them than another."""
 NUMBERS = 1e-3
 """Two runs to other ends have other roundings, which a chaotic scene makes larger; answers are compared exactly."""
 
@@ -45,7 +47,7 @@ def test_the_judge_of_the_page_says_the_same(kind):
 def test_the_judge_of_the_page_says_the_same_of_many(kind, batch):
     """Each batch is a case of its own, so that a soak can be taken up where it was left."""
     n = 48
-    assert sum(same(kind, seed) for seed in range(n * batch, n * (batch + 1))) <= 0.02 * n
+    assert sum(same(kind, seed) for seed in range(n * batch, n * (batch + 1))) <= MAX_UNDECIDED
 
 
 def same_outcome(question):
@@ -247,8 +249,9 @@ def test_the_reason_names_what_differs():
 def test_hard_spheres_that_collide_forever_where_soft_ones_part():
     case = gr.cases.make("column", n=10, restitution=0.6)
     report = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
-    assert report.hard.status is gr.Status.bounded  # forever or not: nobody knows
-    assert report.verdict.startswith("No: hard spheres may collide forever (bounded), soft spheres separate after ")
+    assert report.hard.status is gr.Status.bounded  # possibly finite, but nothing proves it
+    begins = "No: hard spheres possibly collide forever (bounded), soft spheres separate after "
+    assert report.verdict.startswith(begins)
 
 
 # symmetries

@@ -8,7 +8,7 @@ Contact = namedtuple("Contact", "pair begin end before after impulse deepest")
 
 def rows_of(run):
     names = "pair", "t_begin", "t_end", "v_in", "v_out", "impulse", "xi_max"
-    return [Contact(*(r[name].tolist() for name in names)) for r in run.contacts]
+    return [Contact(*row) for row in zip(*(run.contacts[name].tolist() for name in names), strict=True)]
 
 
 def closing(row):

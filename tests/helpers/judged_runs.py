@@ -7,7 +7,7 @@ from granular.scene import speed_scale
 from tests.helpers.judged_rows import closing, count, due, of_pair, parting, rows_of
 
 ROUNDING, FOLLOWED_DURATIONS = 1e-12, 20.0
-MAX_COLLISIONS = 200_000
+MAX_COLLISIONS = 20_000
 """Limit of every run: balls that ride on a driven floor at an ε near 1 have millions of collisions."""
 COLLAPSED = {"collapse", "bounded"}
 STOPPED_EARLY = {"max_events", "max_steps", "unstable", "broken"}
@@ -114,7 +114,7 @@ class Runs:
         latest_hard |= {c: end for c in of if self.sticks(hard, c) and self.lacks_lower_bounces(hard, soft, c, of)}
         latest_soft = self.latest_onsets(soft, hard, most, float(self.soft.time[-1]))
         lower = {c for c in of if self.lacks_lower_bounces(soft, hard, c, of)}
-        hard = self.continued_hard(hard, latest_hard, self.carried.status.name)
+        hard = self.continued_hard(hard, latest_hard, most)
         self.whole_hard = hard
         soft = self.continued_soft(soft, latest_soft, most, lower)
         hard, soft = self.without_rounding(hard, soft)
@@ -145,12 +145,15 @@ class Runs:
         settling = self.settling_speed([p for p in of if of[p] == of[c]])
         return bool(mine) and all(closing(r) <= max(closing(mine[-1]), settling) for r in theirs[len(mine):])
 
-    def continued_hard(self, rows, latest, status):
-        if status not in ("time", "until") or max(latest.values()) <= self.t_end:
+    def continued_hard(self, rows, latest, most):
+        """The hard contacts to the latest onset; a limit counts if it comes before the contacts that are needed."""
+        if self.carried.status.name not in ("time", "until") or max(latest.values()) <= self.t_end:
             return rows
         run = self.continued_by_sticking(self.hard, max(latest.values()), max_events=10 * self.max_events)
-        self.limit_hit |= run.status.name in STOPPED_EARLY
-        return self.joined_instants(rows_of(run))
+        rows, end = self.joined_instants(rows_of(run)), float(run.time[-1])
+        if run.status.name in STOPPED_EARLY:
+            self.limit_hit |= any(count(rows, c) < most[c] and end < latest[c] for c in most)
+        return rows
 
     def soft_rows_until(self, end):
         run = gr.md.simulate(self.scene, self.laws, t_end=end)
