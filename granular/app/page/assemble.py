@@ -38,8 +38,8 @@ COMPOSED_PROPERTIES = frozenset(("--hard", "--soft", "--hard-ball", "--soft-ball
 QUOTED_PATTERN = re.compile(r'="([\w-]+)"(?=[ >])')
 """Attribute whose value needs no quotation marks."""
 COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Object.hasOwn", "Object.keys",
-                    "Object.values", "Array.from", "JSON.stringify", "Math.ceil", "Math.max", "Math.min",
-                    "Number.isFinite", "Number.isNaN", "document.body")
+                    "Object.values", "Array.from", "JSON.stringify", "Math.abs", "Math.ceil", "Math.log",
+                    "Math.max", "Math.min", "Math.round", "Number.isFinite", "Number.isNaN", "document.body")
 """Functions that get a short name in a bundle, and the body. They do not depend on `this`."""
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")

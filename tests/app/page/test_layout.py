@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.page.driving import click, go, last_picture, settle, text, turn
+from tests.app.page.driving import click, go, last_picture, settle, slide, text, turn
 
 SCREENS = range(8)
 
@@ -177,3 +177,25 @@ def test_words_in_the_picture_do_not_overlap_and_are_not_cut(page, width, height
     for scene in ("three-balls", "ball-stack", "newtons-cradle", "real-balls"):
         click(page, f".scenes [data-scene={scene}]")
         assert page.run(OVERLAPPING) == [], scene
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (683, 768), (1366, 768), (1920, 1080)])
+def test_names_of_many_balls_a_guess_and_a_far_gap_do_not_overlap(page, story, width, height) -> None:
+    """Numbers of eight balls met. Words of a guess met names at 0 and the ruler at 10, those of v t_c a higher ball."""
+    page.size(width, height, mobile=width < 500)
+    for state in ("&n=8", "&n=8&predict=1", "&n=6&massRatio=0.5"):
+        go(page, f"{story}#scene=ball-stack&lang=en{state}")
+        assert page.run(OVERLAPPING) == [], state
+        names = page.run("[...document.querySelectorAll('.stage .soft .ball-name')].filter((one) =>"
+                         " getComputedStyle(one).visibility === 'visible').map((one) => one.textContent)")
+        if width > 390 or "predict" in state:  # two narrow pictures have no names beside their balls
+            assert (names[0], names[-1]) == ("1", state[3])  # the last one is asked for
+    for language in ("en", "fr", "es"):
+        for guess in (0, 0.5, 1, 1.5, 9.5, 10):
+            go(page, f"{story}#screen=1&guess={guess}&lang={language}")
+            assert page.run(OVERLAPPING) == [], (language, guess)
+    for state in ("scene=real-balls", "screen=5", "scene=three-balls"):  # held farther apart than v t_c
+        go(page, f"{story}#{state}&lang=es")
+        for value in (600, 760, 880, 1000):
+            slide(page, "gap", value)
+            assert page.run(OVERLAPPING) == [], (state, value)

@@ -78,7 +78,7 @@ export class Upright {
   show(frame, press) {
     const { camera, film, engine } = this, heights = film.heights(engine, frame.time), balls = camera.place(heights, frame.zoom);
     this.isNear = frame.zoom > 2 / 3;
-    balls.forEach((ball, i) => i && this.put(this.each[i], ball));
+    for (let i = this.top, last = -Infinity; i > 0; i--) last = this.put(this.each[i], balls[i], last);
     this.placed = balls;
     const [first] = balls.slice(1), height = max(0, first.low), fade = max(0, 1 - height / (0.8 * this.tall));
     set(this.shadow, { cx: this.x, cy: camera.down(-3), rx: (first.r * (0.75 + 0.5 * fade)).toFixed(1), ry: max(2, 0.09 * first.r).toFixed(1), opacity: fade.toFixed(2), fill: "url(#ground)" });
@@ -92,7 +92,8 @@ export class Upright {
     if (this.look.watched) this.showLens(heights, balls, near);
   }
 
-  put({ element, cut, body, label }, ball) {
+  // A name at `last` hides one that would meet it. Where the last name is, is returned.
+  put({ element, cut, body, label }, ball, last) {
     const { r, low, below, above } = ball, wide = r * bulge(ball);
     set(element, { transform: `translate(${this.x.toFixed(1)} ${this.camera.down(low + r).toFixed(2)})` });
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
@@ -100,8 +101,10 @@ export class Upright {
     const isInside = r > 44, isAside = this.look.handles[1]?.kind === "t1" && this.engine === "soft"; // room for a spring
     const y = this.camera.down(low + r), isByLens = this.look.watched && this.isNear && y > this.lens.cy - this.lens.r - 12 && y < this.lens.valueAt + 18, room = isInside ? 2 * r + (this.isNarrow ? -12 : 40) : this.w - (isByLens ? LENS_WORDS : 4) - this.x - r - 8;
     const share = min(1, room / (NAME_SIZE * widthOf(label.textContent)));
-    set(label, { visibility: (this.isNarrow && !isInside) || share < LEAST_SIZE ? "hidden" : "visible", style: smaller(NAME_SIZE, share) });
+    const isHidden = (this.isNarrow && !isInside) || share < LEAST_SIZE || y < last + NAME_SIZE;
+    set(label, { visibility: isHidden ? "hidden" : "visible", style: smaller(NAME_SIZE, share) });
     set(label, isInside ? { x: 0, y: isAside ? -0.68 * r : 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), y: 0, "text-anchor": "start" });
+    return isHidden ? last : y;
   }
 
   // From where a ball stands, dotted, to its highest point, with the number: between the ruler and the balls, or where there is
@@ -134,9 +137,9 @@ export class Upright {
   drawGhosts(balls, { zoom, time }) {
     const { look, camera, top } = this, { ghost, guess, asks } = look, { r, zero } = balls[top], parts = [];
     const poised = abs(time) < 1e-9 && zoom > 0.99;
-    if (ghost > 0 && poised) parts.push(this.ghostBall(zero + ghost * camera.scales(1)[0], r, plain("gap-mark", { gap: [ghost, "m", 2] })));
+    if (ghost > 0 && poised) parts.push(this.ghostBall(zero + ghost * camera.scales(1)[0], r, plain("gap-mark", { gap: [ghost, "m", 2] }), this.scene.gap[top - 1] > ghost));
     const at = guess ?? (asks ? 1 : null);
-    if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? max(12, r) : r, guess === null ? plain("drag-me") : this.guessSaid(guess)));
+    if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? max(12, r) : r, guess === null ? plain("drag-me") : this.guessSaid(guess), asks));
     const step = min(13, this.w / 55); // the widest row stays beside the ball
     if (zoom < 0.3) parts.push(...dots(look.guesses).map(([height, place]) => markup("circle", { cx: this.w - 16 - step * place, cy: camera.down(zero + height * this.scene.drop * camera.scales(0)[0]), r: 0.4 * step, class: "dot" })));
     const written = parts.join("");
@@ -147,11 +150,12 @@ export class Upright {
     return plain("your-guess", { guess: guess > 0 ? (guess * this.scene.drop) / this.per : guess });
   }
 
-  ghostBall(low, r, words) {
-    const y = this.camera.down(low + r), edge = this.camera.down(low), { cx, cy, r: glass } = this.lens, half = 0.5 * NAME_SIZE * widthOf(words);
-    const isByLens = this.look.watched && abs(y - r - 7 - cy) < glass + 20, x = isByLens ? max(half, min(this.x, cx - glass - 6 - half)) : this.x;
+  // Its words are above it, but where they would meet a ball and its name, at the left end of its line: `isAside`.
+  ghostBall(low, r, words, isAside) {
+    const y = this.camera.down(low + r), edge = this.camera.down(low), { cx, r: glass } = this.lens, half = 0.5 * NAME_SIZE * widthOf(words);
+    const right = this.look.watched ? cx - glass - 6 : this.w, place = isAside ? { x: LEFT, y: edge - 5 } : { x: max(half, min(this.x, right - half)), y: y - r - 7, "text-anchor": "middle" };
     return markup("circle", { cx: this.x, cy: y, r, class: "ghost" }) + markup("line", { x1: LEFT, x2: this.w - 8, y1: edge, y2: edge, class: "ghost-line" })
-      + markup("text", { x, y: y - r - 7, "text-anchor": "middle", class: "guess-text" }, words).replace(/_(\w)(.*)<\/text>/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">$2</tspan></text>');
+      + markup("text", { ...place, class: "guess-text" }, words).replace(/_(\w)(.*)<\/text>/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">$2</tspan></text>');
   }
 
   tellScale(zoom) {
