@@ -41,6 +41,8 @@ COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Ob
                     "Object.values", "Array.from", "JSON.stringify", "Math.abs", "Math.ceil", "Math.log",
                     "Math.max", "Math.min", "Math.round", "Number.isFinite", "Number.isNaN", "document.body")
 """Functions that get a short name in a bundle, and the body. They do not depend on `this`."""
+COMMON_KEYS = ("aria-label", "text-anchor")
+"""Quoted keys of objects that get a short name in a bundle."""
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 BLOCKED_KEY = "blocked"
@@ -137,7 +139,10 @@ def _bundle_with_short_names(main: str) -> str:
     used = [name for name in COMMON_FUNCTIONS if name in text]
     for name in used:
         text = re.sub(rf"\b{re.escape(name)}\b", name.replace(".", "_"), text)
-    known = ", ".join(f"{name.replace('.', '_')} = {name}" for name in used)
+    for key in COMMON_KEYS:
+        text = text.replace(f'"{key}":', f"[{key.replace('-', '_')}]:")
+    known = ", ".join([*(f"{name.replace('.', '_')} = {name}" for name in used),
+                       *(f"{key.replace('-', '_')} = '{key}'" for key in COMMON_KEYS)])
     return script.joined(renaming.renamed(script.tokens(f"const {known};\n{text}")))
 
 
