@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from granular.app.page import assemble
 from tests.app.page.driving import click, go, last_picture, settle, slide, text, turn
 
 SCREENS = range(8)
@@ -199,3 +200,23 @@ def test_names_of_many_balls_a_guess_and_a_far_gap_do_not_overlap(page, story, w
         for value in (600, 760, 880, 1000):
             slide(page, "gap", value)
             assert page.run(OVERLAPPING) == [], (state, value)
+
+
+BEHIND_BARS = """
+[...document.querySelectorAll('.stage > svg .ball-name')].filter((one) => {
+  const name = one.getBoundingClientRect(), view = one.closest('.stage > svg');
+  const bar = view.querySelector('.gauge-bar')?.getBoundingClientRect();
+  const isSeen = getComputedStyle(one).visibility === 'visible' && name.width;
+  return bar && isSeen && name.right > bar.left && name.bottom > bar.top && name.top < bar.bottom;
+}).map((one) => one.textContent)
+"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (683, 768), (1366, 768), (1920, 1080)])
+def test_no_name_is_behind_the_bar_of_its_height(page, story, width, height) -> None:
+    page.size(width, height, mobile=width < 500)
+    for language in assemble.LANGUAGES:
+        for screen in (4, 5, 6):
+            go(page, f"{story}#screen={screen}&lang={language}")
+            assert page.run("document.querySelectorAll('.gauge-bar').length") > 0
+            assert page.run(BEHIND_BARS) == [], (language, screen)

@@ -10,7 +10,7 @@ import { plain } from "./words.mjs";
 import { abs, max, min } from "../physics/numbers.mjs";
 
 const LEFT = 44, GAUGE = 26, NARROW = 260; // pixels: of the ruler, of the gauge, and a stage that is too small for all its words
-const NAME_SIZE = 13, TICK_SIZE = 12, LEAST_SIZE = 0.62, LENS_WORDS = 104; // pixels; share of a name's size below which it is hidden; pixels
+const NAME_SIZE = 13, TICK_SIZE = 12, LEAST_SIZE = 0.54, LENS_WORDS = 104; // pixels; share of a name's size below which it is hidden; pixels
 const widthOf = (words) => [...words].reduce((wide, sign) => wide + (sign > "\u2e80" ? 1 : 0.6), 0); // in sizes of a font
 const smaller = (size, share) => (share < 1 ? `font-size: ${(size * share).toFixed(1)}px` : "");
 
@@ -99,7 +99,7 @@ export class Upright {
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
     set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
     const isInside = r > 44, isAside = this.look.handles[1]?.kind === "t1" && this.engine === "soft"; // room for a spring
-    const y = this.camera.down(low + r), isByLens = this.look.watched && this.isNear && y > this.lens.cy - this.lens.r - 12 && y < this.lens.valueAt + 18, room = isInside ? 2 * r + (this.isNarrow ? -12 : 40) : this.w - (isByLens ? LENS_WORDS : 4) - this.x - r - 8;
+    const y = this.camera.down(low + r), isByLens = this.look.watched && this.isNear && y > this.lens.cy - this.lens.r - 12 && y < this.lens.valueAt + 18, room = isInside ? 2 * r + (this.isNarrow ? -12 : 40) : this.w - (isByLens ? LENS_WORDS : this.look.gauge ? GAUGE + 10 : 4) - this.x - r - 8;
     const share = min(1, room / (NAME_SIZE * widthOf(label.textContent)));
     const isHidden = (this.isNarrow && !isInside) || share < LEAST_SIZE || y < last + NAME_SIZE;
     set(label, { visibility: isHidden ? "hidden" : "visible", style: smaller(NAME_SIZE, share) });
