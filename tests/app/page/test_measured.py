@@ -221,6 +221,38 @@ def test_files_that_are_short_long_below_the_floor_or_not_chosen(blank, story) -
     blank.is_worn = True
 
 
+def test_of_two_files_the_one_chosen_last_is_shown(blank, story) -> None:
+    """A long file that was read later replaced the one that was chosen after it."""
+    go(blank, f"{story}#scene=bouncing-ball&lang=en")
+    late = "new Promise((done) => setTimeout(() => done(new TextEncoder().encode('0;1\\n1;0\\n2;1').buffer), 150))"
+    slow = f"[{{ name: 'slow.csv', arrayBuffer: () => {late} }}]"
+    blank.run("(() => { const input = document.querySelector('.measured-file');"
+              f" Object.defineProperty(input, 'files', {{ configurable: true, value: {slow} }});"
+              " input.dispatchEvent(new Event('change')); delete input.files; })()")
+    note, points = blank.run(GIVEN % "0;1\n1;0")
+    blank.run("new Promise((done) => setTimeout(done, 250))")
+    assert (text(blank, ".measured-note"), points) == (note, 2)
+    assert note.startswith("Source: ball.csv, 2 points.")
+    blank.is_worn = True
+
+
+@pytest.mark.parametrize(("typed", "guesses"), [
+    ("1,2,3", "1+2+3"), ("1,5 2,5", "1.5+2.5"), ("1.5, 2.5; 3", "1.5+2.5+3"), ("-4 5", "5"),
+    ("Ana: 3, Bo: 4.5", "3+4.5"),
+    ("https://a.example/p.html#screen=1&lang=en", ""), ("https://a.example/p.html#screen=1&guess=1e9", ""),
+    ("#screen=1&guess=-1 #screen=1&guess=2.5", "2.5"), ("#screen=1&guess=3&lang=en 7", "3")])
+def test_guesses_of_a_class_are_what_was_typed_or_sent(blank, story, typed, guesses) -> None:
+    """1,2,3 was 1.2 and 3, -4 was 4, and a link without a guess was the 1 of its screen."""
+    go(blank, f"{story}#screen=1&lang=en")
+    blank.run(f"{{ const box = document.querySelector('.class-guesses'); box.value = {typed!r};"
+              " box.dispatchEvent(new Event('input', { bubbles: true })); }")
+    settle(blank)
+    assert len(blank.run(DOTS)) == (guesses.count("+") + 1 if guesses else 0)
+    if guesses:
+        blank.wait(f"location.hash.includes('guesses={guesses}&')")
+    blank.is_worn = True
+
+
 def test_thirty_links_are_thirty_dots_and_nothing_is_sent_or_stored(own) -> None:
     """Equal links come from different pupils. Junk and impossible heights are ignored, without a network too."""
     turn(own, 1)

@@ -2,11 +2,12 @@
 import { min, round } from "../physics/numbers.mjs";
 
 export const HIGHEST = 10; // drop heights
-const WIDEST = 14, AS_LINK = /guess=([\d.]+)/g, AS_NUMBER = /\d+(?:[.,]\d+)?/g; // dots side by side
+const WIDEST = 14, AS_LINK = /guess=([^&\s]+)/g, SETTING = /\S*=\S*/g, LIST = /\d+(?:,\d+){2,}/g, AS_NUMBER = /-?\d+(?:[.,]\d+)?/g; // dots side by side
 
-// In a text with links only what they say counts; else every number in it.
+// In a text with links only what they say counts; else every number in it that is not in a link. 1,2,3 are three.
 export function guessesIn(written) {
-  const links = [...written.matchAll(AS_LINK)].map((found) => found[1]), all = links.length ? links : (written.match(AS_NUMBER) ?? []);
+  const links = [...written.matchAll(AS_LINK)].map((found) => found[1]), typed = written.replace(SETTING, "").replace(LIST, (list) => list.replaceAll(",", " "));
+  const all = links.length ? links : (typed.match(AS_NUMBER) ?? []);
   return all.map((one) => Number(one.replace(",", "."))).filter((x) => x >= 0 && x <= HIGHEST);
 }
 

@@ -28,7 +28,10 @@ export class Measured {
   // Of a file, which stays on this device.
   async take(file) {
     if (!file) return;
-    const given = recordingIn(textIn(await file.arrayBuffer().catch(() => new ArrayBuffer()))), { series, bounces, column, cell } = given ?? {};
+    this.asked = file;
+    const bytes = await file.arrayBuffer().catch(() => new ArrayBuffer());
+    if (this.asked !== file) return; // another one was chosen while this one was read
+    const given = recordingIn(textIn(bytes)), { series, bounces, column, cell } = given ?? {};
     if (!series && !bounces) return text($(".measured-note"), say(column ? "measured-unit" : cell ? "measured-cell" : "measured-bad", { name: column ?? cell })); // as it is: a name can have an underscore
     Object.assign(this, { given, source: { say: bounces ? "measured-bounces" : "measured-own", name: file.name, n: (series ?? bounces).length } });
     if (!$(".measured-box").hidden) this.load("bouncing-ball", this.values);
