@@ -41,7 +41,7 @@ COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Ob
                     "Object.values", "Array.from", "JSON.stringify", "Math.abs", "Math.ceil", "Math.log",
                     "Math.max", "Math.min", "Math.round", "Number.isFinite", "Number.isNaN", "document.body")
 """Functions that get a short name in a bundle, and the body. They do not depend on `this`."""
-COMMON_KEYS = ("aria-label", "text-anchor")
+COMMON_KEYS = ("aria-label", "aria-pressed", "text-anchor")
 """Quoted keys of objects that get a short name in a bundle."""
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")

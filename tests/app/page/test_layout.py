@@ -220,3 +220,28 @@ def test_no_name_is_behind_the_bar_of_its_height(page, story, width, height) -> 
             go(page, f"{story}#screen={screen}&lang={language}")
             assert page.run("document.querySelectorAll('.gauge-bar').length") > 0
             assert page.run(BEHIND_BARS) == [], (language, screen)
+
+
+MEETING = """
+[...document.querySelectorAll('.stage > svg')].flatMap((view) => {
+  const tops = [...view.querySelectorAll('.top-value')], boxes = tops.map((one) => one.getBoundingClientRect());
+  return tops.filter((_, i) => boxes.some((box, j) => j > i && box.left < boxes[i].right - 3
+    && boxes[i].left < box.right - 3 && box.top < boxes[i].bottom - 4 && boxes[i].top < box.bottom - 4));
+}).map((one) => one.textContent)
+"""
+
+
+@pytest.mark.parametrize("width", [683, 1366, 1920])
+def test_numbers_of_many_balls_do_not_overlap_and_the_top_ball_has_one(page, story, width) -> None:
+    """From five balls on, numbers were written across each other in every window, at the end of the film, too."""
+    page.size(width, 768)
+    for state in ("ball-stack&n=5", "ball-stack&n=8", "ball-stack&n=8&eps=0.3", "three-balls&ratio=0.5"):
+        go(page, f"{story}#scene={state}&lang=es")
+        for value in (1500, 1750, 2000):
+            page.run(f"{{ const bar = document.querySelector('.time-bar'); bar.value = {value};"
+                     " bar.dispatchEvent(new Event('input')); }")
+            assert page.run(MEETING) == [], (state, value)
+        for engine in ("hard", "soft"):
+            told = text(page, f".figure:nth-child(2) .{engine}")
+            tops = f"[...document.querySelectorAll('.stage .{engine} .top-value')].map((top) => top.textContent)"
+            assert told in [*page.run(tops), "–"]

@@ -10,7 +10,7 @@ import { plain } from "./words.mjs";
 import { abs, max, min } from "../physics/numbers.mjs";
 
 const LEFT = 44, GAUGE = 26, NARROW = 260; // pixels: of the ruler, of the gauge, and a stage that is too small for all its words
-const NAME_SIZE = 13, TICK_SIZE = 12, LEAST_SIZE = 0.54, LENS_WORDS = 104; // pixels; share of a name's size below which it is hidden; pixels
+const NAME_SIZE = 13, DIGIT = 10, NUMBER_SIZE = 18, TICK_SIZE = 12, LEAST_SIZE = 0.54, LENS_WORDS = 104; // pixels, of a digit too; share of a name's size below which it is hidden; pixels
 const widthOf = (words) => [...words].reduce((wide, sign) => wide + (sign > "\u2e80" ? 1 : 0.6), 0); // in sizes of a font
 const smaller = (size, share) => (share < 1 ? `font-size: ${(size * share).toFixed(1)}px` : "");
 
@@ -115,15 +115,18 @@ export class Upright {
     const up = balls.map((_, i) => i > 0 && zoom < 0.3 && !look.asks && film.isUp(engine, i, time)), key = up.join();
     if (key === this.upNow && zoom > 0 === this.wasNear) return;
     Object.assign(this, { upNow: key, wasNear: zoom > 0 });
-    this.tops.innerHTML = balls.map(({ low, zero }, i) => {
-      if (!up[i]) return "";
+    const taken = []; // by numbers of higher balls
+    this.tops.innerHTML = balls.reduceRight((written, { low, zero }, i) => {
+      if (!up[i]) return written;
       const x = (this.x + side * (widest + 10 + step * (this.top - i))).toFixed(1), [y1, y2] = [zero, max(zero, low)].map((z) => camera.down(z).toFixed(1));
       const line = markup("path", { d: `M${x} ${y1}V${y2}m${5 * side} 0h${-side * (i === this.top ? 40 : 10)}M${x - 5} ${y1}h10`, class: "top-line" });
-      const rise = max(0, film.lanes[engine].held[i]) / per;
-      const zeroLine = markup("line", { x1: x, x2: this.x, y1, y2: y1, class: "zero-mark" }), isOut = side > 0 && x > this.w - 40;
+      const words = digits(max(0, film.lanes[engine].held[i]) / per, 3), wide = DIGIT * words.replace(/\D/g, "").length + 4;
+      const zeroLine = markup("line", { x1: x, x2: this.x, y1, y2: y1, class: "zero-mark" }), isOut = side > 0 && x > this.w - wide;
       const place = isOut ? { x: this.w - 3, "text-anchor": "end" } : { x: x - 5 * side, "text-anchor": side > 0 ? "start" : "end" };
-      return zeroLine + line + (look.opens ? "" : markup("text", { ...place, y: y2 - 6, class: `top-value ${engine}` }, digits(rise, 3)));
-    }).join("");
+      const isFree = !taken.some(([x0, y0, span]) => abs(x0 - x) < span && abs(y0 - y2) < NUMBER_SIZE);
+      if (isFree) taken.push([x, y2, wide]);
+      return zeroLine + line + (look.opens || !isFree ? "" : markup("text", { ...place, y: y2 - 6, class: `top-value ${engine}` }, words)) + written;
+    }, "");
   }
 
   drawMarks(balls, press, near) {
