@@ -40,7 +40,10 @@ QUOTED_PATTERN = re.compile(r'="([\w-]+)"(?=[ >])')
 COMMON_FUNCTIONS = ("Object.assign", "Object.entries", "Object.fromEntries", "Object.hasOwn", "Object.keys",
                     "Object.values", "Array.from", "JSON.stringify", "Math.abs", "Math.ceil", "Math.log",
                     "Math.max", "Math.min", "Math.round", "Number.isFinite", "Number.isNaN", "document.body")
-"""Functions that get a short name in a bundle, and the body. They do not depend on `this`."""
+"""Functions that get a short name in a bundle, and the body.
+
+They do not depend on `this`.
+"""
 COMMON_KEYS = ("aria-label", "aria-pressed", "text-anchor")
 """Quoted keys of objects that get a short name in a bundle."""
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
