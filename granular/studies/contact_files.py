@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import math
 import warnings
+import zlib
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import IO, Any
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 from granular._engine import check, signature
 from granular._engine.check import Array, must
 from granular._engine.files import checked_source, plain_text
+from granular.studies.contact_lists import Ints
 
 TRACKER_COLUMNS, PAIR_COLUMNS = "id1 id2 created broken r_min", "id1 id2 distance force"
 """Default columns of both kinds of LAMMPS files."""
@@ -27,6 +29,8 @@ ENDED_NOTE = ("Contacts that had not ended are missing in the file. In a heap at
 SPACING_NOTE = ("Snapshots too far apart: on average, a contact is seen in {:.3g} of them. Only Z, B and the shared "
                 "impulse are right.")
 FORMAT_FIX = "Use `dump_modify ID format float %.15g`, and name the columns in their order."
+LARGEST_PARTICLE = 2.0**30
+"""Limit of the particle numbers. The product of two must fit into 64 bits."""
 LEAST_SIGHTINGS = 2.0
 """Minimum mean number of snapshots per contact that resolves durations."""
 LEAST_ROWS_TO_JUDGE = 20
@@ -81,7 +85,7 @@ def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike |
     frame, edge = np.searchsorted(every, clock), 0.5 * (every[1:] + every[:-1])
     check.every("time", clock, every[np.minimum(frame, len(every) - 1)] == clock, "one of `frames`")
     edge = np.concatenate([[2.0 * every[0] - edge[0]], edge, [2.0 * every[-1] - edge[-1]]])
-    low, high = np.sort([check.array("i", i, clock.shape), check.array("j", j, clock.shape)], axis=0)
+    low, high = np.sort(particles(i, j, clock.shape), axis=0)
     order = np.lexsort((frame, high, low))
     later = np.where((np.diff(low[order]) == 0) & (np.diff(high[order]) == 0), np.diff(frame[order]), -1)
     if (later == 0).any():
@@ -104,6 +108,15 @@ def snapshots(time: ArrayLike, i: ArrayLike, j: ArrayLike, *, force: ArrayLike |
     if len(row) and len(clock) < LEAST_SIGHTINGS * len(row):
         found["notes"] = (SPACING_NOTE.format(len(clock) / len(row)),)
     return found
+
+
+def particles(i: ArrayLike, j: ArrayLike, shape: tuple[int, ...]) -> Ints:
+    """Return the particles of each contact, shape (2, n)."""
+    given = check.array("i", i, shape), check.array("j", j, shape)
+    for name, ids in zip("ij", given, strict=True):
+        check.every(name, ids, (np.abs(ids) < LARGEST_PARTICLE) & (ids % 1.0 == 0.0), "the number of a particle")
+    check.every("j", given[1], given[0] != given[1], "another particle than in `i`")
+    return np.array(given).astype(np.int64)
 
 
 @signature.face
@@ -139,8 +152,9 @@ def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = Non
     with (gzip.open if name.endswith(".gz") else open)(name, "rt", encoding="utf-8", errors="replace") as file:
         try:
             blocks = list(_frames(file, plain_text(name), columns))
-        except EOFError:
-            raise ValueError(must("path", "a complete file", f"{name!r}, which ends too early")) from None
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise ValueError(must("path", "a complete file", f"{name!r}, which " + (
+                "ends too early" if isinstance(error, EOFError) else f"is damaged ({error})"))) from None
     if not sum(len(block) for _, block in blocks):
         raise ValueError(must("path", "a dump local of LAMMPS with contacts", f"{name!r} without any"))
     steps, rows = np.array([at for at, _ in blocks]), np.concatenate([block for _, block in blocks])
@@ -159,19 +173,24 @@ def read_lammps(path: Any, time_step: float, *, diameter: ArrayLike | None = Non
 
 def _frames(file: IO[str], name: str, columns: str | None) -> Iterator[tuple[int, Any]]:
     """Yield step and rows of each snapshot of a dump."""
-    step, count = -1, 0
+    step, count, label = -1, 0, "ENTRIES"
     for line in file:
-        if line.startswith(("ITEM: TIMESTEP", "ITEM: NUMBER OF ENTRIES")):
+        if line.startswith(("ITEM: TIMESTEP", "ITEM: NUMBER OF ")):
             word = plain_text(next(file, "").strip())
             if not word.isdecimal():
                 raise ValueError(must(f"the line after {line.strip()} in {name!r}", "an integer", repr(word)))
             step, count = (int(word), 0) if "TIMESTEP" in line else (step, int(word))
-        elif line.startswith("ITEM: ENTRIES") and step >= 0:
-            dtype = _row_type(line.split()[2:], columns)
+            label = label if "TIMESTEP" in line else line.split()[-1]  # ENTRIES, or the label of dump_modify
+        elif line.startswith(("ITEM: UNITS", "ITEM: TIME")):  # written by dump_modify units, time; not needed
+            next(file, "")
+        elif line.startswith(f"ITEM: {label} ") and step >= 0 and label != "ATOMS":
+            dtype = _row_type(line.removeprefix(f"ITEM: {label}").split(), columns)
             try:
                 with warnings.catch_warnings():  # numpy 1 only warns of an integer with an exponent
                     warnings.simplefilter("error", DeprecationWarning)
-                    rows = np.loadtxt(islice(file, count), dtype, ndmin=1) if count else np.empty(0, dtype)
+                    warnings.simplefilter("ignore", UserWarning)  # numpy warns of a file that ends before the rows
+                    whole = (row for row in islice(file, count) if row.endswith("\n"))  # the last row can be cut off
+                    rows = np.loadtxt(whole, dtype, ndmin=1) if count else np.empty(0, dtype)
             except (ValueError, DeprecationWarning) as error:
                 raise ValueError(f"Particles and steps in {name!r} must be integers with all digits ({error}). "
                                  f"{FORMAT_FIX}") from None
@@ -247,7 +266,8 @@ def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, A
         File with the names of the columns in its first line: i, j, begin, end, and optionally impulse, overlap and
         distance, as in `granular.contacts.analyse`. An empty end means that the contact lasts until the end of the run.
         A file with a column time contains snapshots, with the columns of `granular.contacts.snapshots`: time, i, j, and
-        optionally force, overlap and distance. Other columns are ignored.
+        optionally force, overlap and distance. Other columns are ignored. Snapshots without a contact do not appear in
+        such a file. If there are any, use `granular.contacts.snapshots` with `frames`, otherwise Z is too large.
     columns : mapping of str to str, optional
         Name of the column in the file for each parameter, such as {"i": "particle 1"}. Defaults to the names above.
 
@@ -269,6 +289,9 @@ def read_csv(path: Any, columns: Mapping[str, str] | None = None) -> dict[str, A
         check.known_names(named, wanted, "parameter")
         needed = {*named, *wanted[: wanted.index("force" if "time" in wanted else "impulse")]}
         at = {key: header.index(named.get(key, key)) for key in wanted if named.get(key, key) in header}
+        if repeated := sorted(header[k] for k in at.values() if header.count(header[k]) > 1):
+            raise ValueError(must(f"the first line of {name!r}", "different names of columns",
+                                  f"{plain_text(repeated[0])} {header.count(repeated[0])} times"))
         if missing := sorted(needed - at.keys()):
             raise ValueError(must(f"the first line of {name!r}", f"names of columns with {', '.join(missing)}",
                                   plain_text(", ".join(header), 200), "Name the columns of the file by `columns`."))

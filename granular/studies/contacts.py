@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from granular._engine import check, signature
 from granular._engine.check import Array
 from granular._engine.reports import Report, number, percent
-from granular.studies import contact_lists
+from granular.studies import contact_files, contact_lists
 from granular.studies.contact_files import read_csv, read_lammps, snapshots
 from granular.studies.contact_lists import Bools, Ints
 
@@ -31,8 +31,6 @@ MAX_DEVIATION = 0.01
 """Deviation B below which means agree with hard spheres."""
 GAS_OCCUPATION, GAS_DURATION = 0.5, 1.5
 """Largest Z of a gas, and largest mean duration relative to undisturbed contacts."""
-LARGEST_PARTICLE = 2.0**30
-"""Limit of the particle numbers. The product of two must fit into 64 bits."""
 CALIBRATION = ("B is calibrated on homogeneous gases of frictionless spheres without cohesion, and not certified. "
                "Particles are not compared one by one.")
 
@@ -183,7 +181,7 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
     check.every("impulse", push, (push >= 0.0) & (push < math.inf), "a finite number of at least 0")
     # the order of simultaneous onsets matters for instantaneous contacts only
     order = np.lexsort((stop, onset)) if (stop == onset).any() else np.argsort(onset)
-    bodies, onset, stop, push = _bodies(i, j, shape)[:, order], onset[order], stop[order], push[order]
+    bodies, onset, stop, push = contact_files.particles(i, j, shape)[:, order], onset[order], stop[order], push[order]
     at_wall = np.isin(bodies, check.array("walls", walls))
     _refuse_simultaneous(bodies - bodies.min(), onset, stop)
     particle, contact, is_first, latest = contact_lists.sides(bodies - bodies.min(), stop, at_wall)
@@ -214,15 +212,6 @@ def analyse(i: ArrayLike, j: ArrayLike, begin: ArrayLike, end: ArrayLike, *, imp
 def _counted(n: int) -> str:
     """Return a number of contacts as text."""
     return f"{n} contact{'s' * (n != 1)}"
-
-
-def _bodies(i: ArrayLike, j: ArrayLike, shape: tuple[int, ...]) -> Ints:
-    """Return the bodies of each contact, shape (2, n)."""
-    given = check.array("i", i, shape), check.array("j", j, shape)
-    for name, ids in zip("ij", given, strict=True):
-        check.every(name, ids, (np.abs(ids) < LARGEST_PARTICLE) & (ids % 1.0 == 0.0), "the number of a particle")
-    check.every("j", given[1], given[0] != given[1], "another particle than in `i`")
-    return np.array(given).astype(np.int64)
 
 
 def _span(span: float | Sequence[float] | None, begin: Array, end: Array) -> tuple[float, float]:

@@ -130,9 +130,34 @@ def test_files_of_another_kind_are_refused(tmp_path):
     (tmp_path / "half.gz").write_bytes(TRACKER.read_bytes()[: TRACKER.stat().st_size // 2])
     with pytest.raises(ValueError, match=r"complete file, got .* which ends too early\.$"):
         contacts.read_lammps(tmp_path / "half.gz", 1.0)
-    (tmp_path / "no.gz").write_text("ITEM: TIMESTEP")
-    with pytest.raises(OSError, match="gzip"):
-        contacts.read_lammps(tmp_path / "no.gz", 1.0)
+    packed = TRACKER.read_bytes()
+    for data in (b"ITEM: TIMESTEP", packed[:40] + b"\x00\x01" + packed[42:], packed[:-8] + bytes(8)):
+        (tmp_path / "no.gz").write_bytes(data)
+        with pytest.raises(ValueError, match=r"^`path` must be a complete .*no\.gz', which is damaged \(.*\)\.$"):
+            contacts.read_lammps(tmp_path / "no.gz", 1.0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_dump_that_ends_within_its_last_row_is_refused(tmp_path):
+    """A killed run leaves such a file; its last number could have lost digits or its exponent."""
+    text = dump(tmp_path / "whole", {0: [], 100: ["1 3 5 15 0.9", "1 2 5 15 9.375e-01"]}).read_text()
+    start = text.index("1 2 5 15")
+    for end in range(start, len(text)):
+        (tmp_path / "cut").write_text(text[:end])
+        with pytest.raises(ValueError, match=r"complete file, got .* which ends within a snapshot\.$"):
+            contacts.read_lammps(tmp_path / "cut", 1.0)
+    (tmp_path / "cut").write_text(text)
+    assert contacts.read_lammps(tmp_path / "cut", 1.0, diameter=1.0)["overlap"].tolist() == [1.0 - 0.9, 0.0625]
+
+
+@pytest.mark.parametrize("label", ["ENTRIES", "CONTACTS"])
+def test_lines_of_dump_modify_are_read_over(label, tmp_path):
+    """Options units, time and label of dump_modify: the first two write lines before each time step."""
+    path = dump(tmp_path / "seen", {0: [], 100: ["3 1 5 15 0.99", "2 3 90 100 0.98"], 200: ["1 2 101 111 0.97"]})
+    plain = contacts.read_lammps(path, 0.5, diameter=1.0)
+    text = path.read_text().replace("ITEM: TIMESTEP", "ITEM: TIME\n0.25\nITEM: TIMESTEP").replace("ENTRIES", label)
+    path.write_text("ITEM: UNITS\nlj\n" + text)
+    assert repr(contacts.read_lammps(path, 0.5, diameter=1.0)) == repr(plain)
 
 
 @pytest.mark.parametrize(("more", "match"), [
@@ -217,6 +242,9 @@ def test_snapshots_of_any_spacing_have_the_means_of_the_run():
     ({"force": [1.0]}, r"^`force` must be an array of shape \(3,\)"),
     ({"distance": [1.0]}, r"^`distance` must be an array of shape \(3,\)"),
     ({"i": [1, 2]}, r"^`i` must be an array of shape \(3,\)"),
+    ({"i": [1, math.nan, 1]}, r"^`i\[1\]` must be the number of a particle, got nan\.$"),
+    ({"i": [1, 2, 1.5]}, r"^`i\[2\]` must be the number of a particle, got 1\.5\.$"),
+    ({"i": [3, 2, 3]}, r"^`j\[2\]` must be another particle than in `i`, got 3"),
     ({"time": [0.0, math.nan, 2.0]}, r"^`time\[1\]` must be a finite time, got nan"),
 ])
 def test_misuse_of_snapshots_is_one_sentence(changes, match):
@@ -252,6 +280,7 @@ def test_a_csv_file_without_rows_has_empty_columns(tmp_path):
     ("i,j,begin,end\n1,2,x,4\n", None, "^The entries of .* must be numbers"),
     ("i,j,begin,end\n1,2,0,later\n", None, "^The entries of .* must be numbers"),
     ("i,j,begin,end\n1,2,0\n", None, "^The entries of .* must be numbers"),
+    ("i,j,begin,end,i\n1,2,0,1,5\n", None, r"^The first line of .* must be different names of .*, got i 2 times\."),
     ("i,j,begin,end\n1,2,0,1\n", {"impulse": "push"}, "must be names of columns with impulse"),
     ("i,j,begin,end\n1,2,0,1\n", {"radius": "i"}, "^unknown parameter radius"),
     ("i,j,begin,end\n1,2,0,1\n", ["i"], "^`columns` must be a mapping"),
@@ -272,6 +301,11 @@ def test_the_command_prints_one_paragraph(granular, tmp_path):
     code, _, err = granular("contacts seen.gz")
     assert (code, err) == (2, "granular: contacts requires --time-step for a dump of LAMMPS, whose times are "
                                 "numbers of steps.\n")
+    for more in ("--time-step 1e-3", "--columns id1"):
+        (tmp_path / "list.csv").write_text("i,j,begin,end\n1,2,0,1\n")
+        code, out, err = granular(f"contacts list.csv {more}")
+        assert (code, out) == (2, "")
+        assert err.startswith(f"granular: {more.split()[0]} must be left out for a CSV file")
     (tmp_path / "list.csv").write_text("i,j,begin,end,overlap\n1,2,0,1,0.001\n3,4,0.5,1.5,0.001\n1,3,2,3,0.001\n")
     code, out, _ = granular("contacts list.csv --diameter 1 --particles 100")
     assert (code, out.partition(" Z = ")[0]) == (0, "Means differ from hard spheres by up to about 1.3 %.")

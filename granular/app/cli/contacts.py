@@ -29,6 +29,10 @@ class ContactList(Command):
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
         if parsed.file.lower().endswith(".csv"):
+            for option in ("time_step", "columns"):
+                if getattr(parsed, option) is not None:
+                    raise ValueError(f"--{option.replace('_', '-')} must be left out for a CSV file, which contains "
+                                     "times in s and names of columns.")
             given = contacts.read_csv(parsed.file)
             if parsed.diameter is not None:
                 given.setdefault("distance", parsed.diameter)
