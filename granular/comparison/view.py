@@ -7,6 +7,7 @@ during contacts that overlap in time, and formats the parameters of the scene wi
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
@@ -33,6 +34,8 @@ MIN_LABEL_DISTANCE = 0.05  # smallest distance of two labels, as a fraction of t
 EQUAL_NUMBER_TOLERANCE = 1e-9
 """Relative difference below which two numbers are equal."""
 SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+PLAIN_DIGITS = {power: digit for digit, power in SUPERSCRIPT_DIGITS.items()}
+SUPERSCRIPTS = re.compile(f"[{''.join(map(chr, PLAIN_DIGITS))}]+")
 MASS_PREFIXES = ((1e3, "k"), *UNIT_PREFIXES)
 """Multiples of the gram."""
 
@@ -225,7 +228,9 @@ def _scene_text(report: ComparisonWithAnswer) -> str:
             *[f"gap {_range_text(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner)),
             *[f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0),
             *[f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0),
-            *(short_text(repr(wall)) for wall in (scene.floor, scene.ceiling) if wall is not None),
+            *["constant forces"] * (scene.external_force is not None),
+            *(f"{name} {short_text(repr(wall))}" for name, wall in (("floor", scene.floor), ("ceiling", scene.ceiling))
+              if wall is not None),
         ]
     )
 
@@ -240,12 +245,15 @@ def _laws_text(report: ComparisonWithAnswer) -> str:
                for name in (_constant_names(report.law) if len(kinds) == 1 else ())}
     soft, hard = (np.array(eps) for eps in (report.law_restitution, report.restitution_spec))
     durations = _isolated_durations(report)
-    return ", ".join([
+    text = ", ".join([
         " and ".join(kinds),
         *(f"{name} = {_range_text(x)}{_stiffness_unit(report) if name == 'k' else ''}" for name, x in numbers.items()),
         f"ε = {_range_text(soft)}" + f" (hard spheres {_range_text(hard)})" * bool((np.abs(soft - hard) > 1e-6).any()),
         *[f"an isolated contact lasts {_range_text(durations, 's', digits=3)}"] * bool(np.isfinite(durations).any()),
     ])
+    # matplotlib draws a text with a "$" in fonts without the superscripts 4 to 9
+    return text if "$" not in text else SUPERSCRIPTS.sub(
+        lambda power: f"$^{{{power[0].translate(PLAIN_DIGITS)}}}$", text)
 
 
 def _stiffness_unit(report: ComparisonWithAnswer) -> str:
@@ -276,7 +284,7 @@ def _range_text(values: Any, unit: str = "", prefixes: Any = UNIT_PREFIXES, digi
         return _value_with_unit(high, unit, prefixes, digits)
     between = " and " if len(values) == 2 else " … "
     ends = (float(finite[0]), float(finite[-1])) if len(values) == 2 else (low, high)
-    return between.join(_value_with_unit(value, unit, prefixes, digits) for value in ends)
+    return between.join(dict.fromkeys(_value_with_unit(value, unit, prefixes, digits) for value in ends))
 
 
 def _value_with_unit(value: float, unit: str, prefixes: Any, digits: int) -> str:
