@@ -52,7 +52,7 @@ def plot(report: ComparisonWithAnswer, path: str | PathLike[str] | None = None) 
     axes = panels[: len(heights), 0]
     write_titles(figure, report.verdict, parameters(report))
     runs = repeat_both_runs(report, view.moments if detail is None else np.union1d(view.moments, detail.moments))
-    draw_contacts(axes[0], view)
+    draw_contacts(axes[0], view, runs)
     _forces(figure, axes[1:-1], view, runs["soft"])
     draw_runs(axes[-1], view, runs)
     if detail is not None:
@@ -90,15 +90,18 @@ def shade_detail(axis: Any, view: View, detail: Closeup) -> None:
         axis.axvspan(view.clock(begin), view.clock(end), color=GREY_COLOUR, alpha=0.2, lw=0, zorder=0)
 
 
-def draw_contacts(axis: Any, view: View, named: int = MAX_LABELS) -> None:
+def draw_contacts(axis: Any, view: View, runs: Mapping[str, Trajectory], named: int = MAX_LABELS) -> None:
     """Draw bars for soft contacts and marks for hard collisions, one line per pair.
 
-    If there are more than `named` pairs, the axis shows their numbers instead of their names.
+    `runs` are the runs of the other panels, see `repeat_both_runs`. Contacts after the end of a compared run, or that
+    last beyond it, are taken from them. If there are more than `named` pairs, the axis shows their numbers instead of
+    their names.
     """
     from matplotlib.ticker import MaxNLocator
 
-    (hard, soft), n = (run.contacts for run in view.report.counted), view.report.scene.n_pairs
-    start = view.clock(soft["t_begin"])
+    hard, soft = (_shown_contacts(run, runs.get(engine))
+                  for engine, run in zip(("hard", "soft"), view.report.counted, strict=True))
+    n, start = view.report.scene.n_pairs, view.clock(soft["t_begin"])
     width = view.clock(np.nan_to_num(soft["t_end"], nan=view.end)) - start
     for c in range(n):
         axis.broken_barh(np.column_stack([start, width])[soft["pair"] == c], (c - 0.31, 0.3), color=SOFT_COLOUR, lw=0)
@@ -110,6 +113,14 @@ def draw_contacts(axis: Any, view: View, named: int = MAX_LABELS) -> None:
         axis.set_yticks(range(n), [f"pair {c}: {view.report.scene.pairs.name(c)}" for c in range(n)], **SMALL_FONT)
     else:
         axis.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
+
+
+def _shown_contacts(run: Trajectory, drawn: Trajectory | None) -> Any:
+    """Return the contacts of a compared run, and the later ones of the same run as it is drawn."""
+    log, end = run.contacts, run.time[-1]
+    if drawn is None or drawn.time[-1] <= end:
+        return log
+    return np.concatenate([log[log["t_end"] <= end], drawn.contacts[~(drawn.contacts["t_end"] <= end)]])
 
 
 def _mark_later_contacts(axis: Any, view: View) -> None:

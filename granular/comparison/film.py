@@ -265,7 +265,7 @@ def draw_charts(panels: list[Any], view: View, detail: Closeup | None, runs: dic
     runs : dict of str to Trajectory
         Both runs by engine.
     """
-    draw_contacts(panels[0], view, MAX_LABELS if view.report.scene.gravity > 0.0 else MAX_FORCE_CURVES)
+    draw_contacts(panels[0], view, runs, MAX_LABELS if view.report.scene.gravity > 0.0 else MAX_FORCE_CURVES)
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))
     panels[1].set(ylim=(0.0, 1.05), ylabel="force /\nits peak")

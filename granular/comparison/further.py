@@ -95,7 +95,7 @@ def repeat_with_samples(report: Any, engine: str, times: check.Array, further: b
     continues_freely = has_separated or run.status in (Status.quiet, Status.resting, Status.time)
     continues_freely = continues_freely and not report.scene.driven  # a path can end with the run
     stop = float(times[-1]) if continues_freely or further else min(float(times[-1]), float(run.time[-1]))
-    sampling: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
+    sampling: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop))}
     if hard:
         return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | sampling | {"until": None}))
     return md.simulate(report.scene, report.law, **report.soft_options, **sampling)

@@ -66,7 +66,8 @@ def window(report: ComparisonWithAnswer) -> View:
     start = float(report.soft.time[0])
     runs = report.continued
     if not any(len(run.contacts) for run in report.counted):
-        return View(start, max(float(report.soft.time[-1]), start + 1.0), 0.0, report)
+        end = float(report.soft.time[-1])
+        return View(start, end if end > start else start + 1.0, 0.0, report)
     impulse_part = np.concatenate(
         [run.contacts["impulse"] / (float(run.contacts["impulse"].sum()) or 1.0) for run in runs])
     ends = np.concatenate([np.where(np.isnan(log["t_end"]), np.maximum(log["t_begin"], time), log["t_end"])

@@ -158,3 +158,35 @@ def test_pairs_have_the_names_of_the_player():
     box = gr.scenes.gas(2)
     assert [pair.name for pair in box.pairs] == ["wall–1", "1–2", "2–wall"]
     assert [pair.name for pair in gr.scenes.ring_gas(3).pairs] == ["0–1", "1–2", "2–0"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_panel_of_contacts_shows_the_contacts_of_the_other_panels(seed):
+    """A run that ends at `t_end` is drawn to the last compared contact, with a bar or a mark for every contact."""
+    rng = np.random.default_rng(seed)
+    scene = gr.Scene([math.inf, *rng.uniform(0.1, 2.0, 3)], [0.0, 0.1, 0.1, 0.1], rng.uniform(0.01, 0.1, 3),
+                     [0.0, *rng.uniform(-1.0, 1.0, 3)], 9.81)
+    law, rule = gr.LinearDashpot(1e5, 5.0), gr.ConstantRestitution(0.9)
+    report = gr.compare(scene, law, rule, t_end=float(rng.uniform(0.1, 0.3)))
+    axis = report.plot().axes[0]
+    end = max(axis.get_xlim())
+    view = window(report)
+    assert view.clock(view.end) <= end
+    soft = gr.md.simulate(scene, law, t_end=view.end).contacts["pair"]
+    hard = gr.edmd.simulate(scene, rule, t_end=view.end).contacts["pair"]
+    bars = [len(bar.get_paths()) for bar in axis.collections if hasattr(bar, "get_paths")][: scene.n_pairs]
+    assert bars == np.bincount(soft, minlength=scene.n_pairs).tolist()
+    (marks,) = [x for x in axis.collections if type(x).__name__ == "PathCollection"]
+    shown = np.round(marks.get_offsets()[:, 1]).astype(int)
+    assert np.bincount(shown, minlength=scene.n_pairs).tolist() == np.bincount(hard, minlength=scene.n_pairs).tolist()
+
+
+def test_a_run_without_contacts_is_drawn_to_its_end():
+    """Later contacts would contradict the title, "nothing collides"."""
+    report = gr.compare(gr.scenes.three_balls(), gr.LinearDashpot(1e6), t_end=0.1)
+    assert report.verdict == "Yes, trivially: nothing collides."
+    assert window(report).end == 0.1
+    forces = [line.get_ydata() for axis in report.plot().axes if axis.get_ylabel().startswith("force")
+              for line in axis.get_lines()]
+    assert forces
+    assert not any(np.any(values) for values in forces)
