@@ -94,6 +94,26 @@ def test_a_map_whose_file_was_changed_is_refused_in_a_sentence(tmp_path):
         gr.sweep("three-balls", over, save=5, results=["v_rel"])
 
 
+def test_a_damaged_map_is_refused_in_a_sentence_and_kept(tmp_path):
+    """Cut off, empty, of another kind, or with one changed byte: numbers are right, or the file is refused."""
+    file, over = tmp_path / "map.nc", {"gap": [1e-5, 1e-4], "restitution": [0.5, 0.9]}
+    right = gr.sweep("three-balls", over, save=file, results=["v_rel"]).load()
+    whole, number = file.read_bytes(), right["v_rel"].values.tobytes()[:8]
+    assert whole.count(number) == 1
+    damaged = [b"", b"hello", whole[: len(whole) // 2], whole[:-1]]
+    for k in range(8):
+        at = whole.index(number) + k
+        damaged.append(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+    for data in damaged:
+        file.write_bytes(data)
+        with pytest.raises(ValueError, match=r"^`save` must be a new file or a complete file of a sweep, got '.*\.nc' "
+                                             r"\(.*\)\. Give another name, or remove the file\.$"):
+            gr.sweep("three-balls", over, save=file, results=["v_rel"])
+        assert file.read_bytes() == data
+    file.write_bytes(whole)
+    assert gr.sweep("three-balls", over, save=file, results=["v_rel"]).equals(right)
+
+
 @pytest.mark.rotating
 def test_a_map_beside_a_driven_wall_of_the_release_before_goes_on(tmp_path):
     """Its question called the wall by the place of its class."""

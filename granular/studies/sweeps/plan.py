@@ -299,12 +299,17 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
 
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
-    """Write a data set to a netCDF file, completely or not at all."""
+    """Write a data set to a netCDF file, completely or not at all.
+
+    All numbers have checksums, so netCDF does not read numbers that have changed in the file.
+    """
     import_optional("netCDF4", "a netCDF file")
+    checksums = {name: {"fletcher32": True} for name, values in data.variables.items()
+                 if values.ndim and values.dtype.kind in "biuf"}
 
     def fill(draft: str) -> None:
         try:
-            data.to_netcdf(draft, engine="netcdf4")
+            data.to_netcdf(draft, engine="netcdf4", encoding=checksums)
         except (OSError, RuntimeError):  # netCDF reports a full disk as "permission denied" or "HDF error"
             files.check_disk_space(draft, data.nbytes)
             raise
@@ -328,20 +333,34 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
     files.check_writable(name)
     if not os.path.isfile(name):
         return {}, {}
-    with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as saved:
-        notes = saved.attrs
-        saved_text = CLASS_PLACE_PATTERN.sub(r'"\1"', with_current_words(str(notes.get("question"))))
-        files.check_format(name, _format(notes))
-        text, user_code = question(plan)
-        if user_code and plan.version is None:
-            raise ValueError(f"`save` must be a new file, got {name!r}, and {user_code[0]!r} could have changed since. "
-                             "Give a key= that changes with your code, give another name, or remove the file.")
-        if saved_text != text or not all(_same(saved, axis, array) for axis, array in over.items()):
-            raise ValueError(f"`save` must be a new file or a file of the same sweep, got {name!r} of another sweep. "
-                             "Give another name, or remove the file.")
-        shape = tuple(map(len, over.values()))
-        columns = {column: _column(saved, column, shape, plan, name) for column in ("status", *plan.results)}
-        return columns, {"refusal": files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
+    try:
+        with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as saved:
+            return _saved_results(saved, name, plan, over)
+    except (OSError, RuntimeError) as error:  # netCDF reports damage as either of them
+        if not os.access(name, os.R_OK):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"`save` must be a new file or a complete file of a sweep, got {name!r} ({reason}). "
+                         "Give another name, or remove the file.") from None
+
+
+def _saved_results(
+    saved: xarray.Dataset, name: str, plan: Plan, over: dict[str, Values]
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the results and notes of the open file `name`. Raises `ValueError` if it is a file of another sweep."""
+    notes = saved.attrs
+    saved_text = CLASS_PLACE_PATTERN.sub(r'"\1"', with_current_words(str(notes.get("question"))))
+    files.check_format(name, _format(notes))
+    text, user_code = question(plan)
+    if user_code and plan.version is None:
+        raise ValueError(f"`save` must be a new file, got {name!r}, and {user_code[0]!r} could have changed since. "
+                         "Give a key= that changes with your code, give another name, or remove the file.")
+    if saved_text != text or not all(_same(saved, axis, array) for axis, array in over.items()):
+        raise ValueError(f"`save` must be a new file or a file of the same sweep, got {name!r} of another sweep. "
+                         "Give another name, or remove the file.")
+    shape = tuple(map(len, over.values()))
+    columns = {column: _column(saved, column, shape, plan, name) for column in ("status", *plan.results)}
+    return columns, {"refusal": files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
 
 
 def _format(notes: Any) -> Any:
