@@ -300,8 +300,10 @@ def open_log_file(path: str) -> Rows:
 
     Raises `ValueError` if the file is not a contact log.
     """
+    from granular._engine.files import checked_source
+
     try:
-        rows: Rows = np.load(path, mmap_mode="r")
+        rows: Rows = npy.open_memmap(checked_source("log", path), mode="r")
     except ValueError as error:
         raise ValueError(f"`log` must be a contact log, got {path!r} ({error}).") from None
     if not {"pair", "t_begin"} <= set(rows.dtype.names or ()):

@@ -236,8 +236,7 @@ def _constructor_arguments(
     scene = Scene(**numbers, floor=floor, ceiling=ceiling)
     state = {name[6:]: _scalar_or_array(value) for name, value in stored.items() if name.startswith("state.")}
     arrays: dict[str, Any] = {name: stored.get(name) for name in RUN_ARRAYS}
-    metadata["stats"].update(_missing_log_mark(metadata, stored, scene))
-    stats = metadata["stats"].items()
+    stats = (_missing_log_mark(metadata, stored, scene) | metadata["stats"]).items()
     return arrays | {
         "scene": scene,
         "law": _restored_physics("law", metadata["law"], law, scene),

@@ -131,10 +131,11 @@ def test_mistakes_are_told_and_nothing_is_written_over(tmp_path, capsys) -> None
     with pytest.raises(ValueError, match=r"`size` must be an integer of at least 1, got 0\."):
         run.contact_batches(0)
     for bad, sentence in (
-        (b"nothing", "`log` must be a contact log"),
+        (b"nothing at all", r"`log` must be a contact log, got '.*run\.npy' \(the magic string is not correct"),
+        (b"", r"`log` must be a contact log, got '.*run\.npy' \(EOF"),
         (None, "Its columns pair and t_begin are missing"),
     ):
-        (tmp_path / "run.npy").write_bytes(bad) if bad else np.save(tmp_path / "run.npy", np.zeros(3))
+        (tmp_path / "run.npy").write_bytes(bad) if bad is not None else np.save(tmp_path / "run.npy", np.zeros(3))
         with pytest.raises(ValueError, match=sentence):
             run.contact_batches()
     (tmp_path / "run.npy").unlink()
@@ -145,3 +146,20 @@ def test_mistakes_are_told_and_nothing_is_written_over(tmp_path, capsys) -> None
     assert len(np.load(tmp_path / "c.npy")) == 2
     assert main(["run", "three-balls", "--log", str(tmp_path / "c.npy")]) == 2
     assert "c.npy'. Give another name, or remove the file." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".nc"])
+@pytest.mark.parametrize("name", RUNS)
+def test_a_saved_run_still_finds_its_contacts(name, suffix, tmp_path):
+    if name == "hard, compiled":
+        pytest.importorskip("numba")
+    if suffix == ".nc":
+        pytest.importorskip("netCDF4")
+    run = RUNS[name](log=tmp_path / "run.npy")
+    run.save(tmp_path / f"saved{suffix}")
+    again = gr.load(tmp_path / f"saved{suffix}")
+    assert again.stats["log"] == str(tmp_path / "run.npy")
+    assert len(run.contacts) == len(again.contacts) == 0
+    rows = [np.concatenate([*each.contact_batches(), each.contacts[:0]]).tobytes() for each in (run, again)]
+    assert rows[0] == rows[1]
+    assert (rows[0] == b"") is (name == "none")
