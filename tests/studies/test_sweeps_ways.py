@@ -38,6 +38,20 @@ def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
     assert fast["contacts"].values.max() >= 1
 
 
+@pytest.mark.parametrize("ceiling", [0.0, 0.3])
+@pytest.mark.usefixtures("compiled_rest_tests")
+def test_a_ceiling_has_exactly_its_velocity_in_either_way(ceiling, monkeypatch):
+    """The sum of the rates of all gaps would miss it by rounding."""
+    monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: True)
+    scene = gr.Scene([math.inf, 2.0, 3.0, 4.0, math.inf], [0.0, 0.01, 0.01, 0.01, 0.0], [0.2, 0.1, 0.3, 0.1],
+                     [0.0, 1.0, -1.0, 2.0, ceiling])
+    case = Case(scene, [gr.LinearDashpot(1e5, 1.0)] * 4, t_end=1.0)
+    fast = gr.sweep(case, {"gap": np.linspace(0.05, 0.4, 8)}, "v_final")["v_final"].values
+    slow = gr.sweep(case, {"gap": np.linspace(0.05, 0.4, 8)}, "v_final", run=ONE_BY_ONE)["v_final"].values
+    assert fast.tobytes() == slow.tobytes()
+    assert (fast[:, -1] == ceiling).all()
+
+
 @pytest.mark.rotating
 @pytest.mark.parametrize("making", [1e-3, 10.0])
 def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkeypatch):

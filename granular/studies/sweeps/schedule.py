@@ -368,7 +368,7 @@ def _final_velocities(scenes: Sequence[Scene], which: Values, rate: Array, time:
 
     They are equal to `granular.scene.velocities`.
     """
-    if all(scene.is_wall[0] for scene in scenes):
+    if all(scene.is_wall[0] and not scene.is_wall[-1] for scene in scenes):
         floor = np.array([scene.velocity[0] for scene in scenes])[which]
         offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)
         return np.asarray((floor - offset[:, 0])[:, None] + offset)
