@@ -116,7 +116,7 @@ def draw_contacts(axis: Any, view: View, runs: Mapping[str, Trajectory], named: 
 
 
 def _shown_contacts(run: Trajectory, drawn: Trajectory | None) -> Any:
-    """Return the contacts of a compared run, and the later ones of the same run as it is drawn."""
+    """Return the contacts of a compared run and the later contacts of its drawn run."""
     log, end = run.contacts, run.time[-1]
     if drawn is None or drawn.time[-1] <= end:
         return log

@@ -347,7 +347,10 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
 def _saved_results(
     saved: xarray.Dataset, name: str, plan: Plan, over: dict[str, Values]
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the results and notes of the open file `name`. Raises `ValueError` if it is a file of another sweep."""
+    """Return the results and notes of the open file `name`.
+
+    Raises `ValueError` if it is a file of another sweep.
+    """
     notes = saved.attrs
     saved_text = CLASS_PLACE_PATTERN.sub(r'"\1"', with_current_words(str(notes.get("question"))))
     files.check_format(name, _format(notes))
