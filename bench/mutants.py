@@ -208,7 +208,7 @@ MUTANTS = [
     ("studies", "is_open = label[first] != label[second]", "is_open = label[first] < 0", "studies/test_contacts"),
     ("studies", "kept = np.sort(order[np.append(True, ~again)])", "kept = np.sort(order)",
      "studies/test_contact_files"),
-    ("studies", "edge[frame[row] + n_seen]", "edge[frame[row]] + n_seen", "studies/test_contact_files"),
+    ("studies", "edge[frame[row] + n_seen]", "edge[frame[row]] + n_seen", "studies/test_contact_snapshots"),
 ]
 
 
