@@ -113,7 +113,7 @@ def without_collection(compile_for: Any) -> Any:
     """
 
     @wraps(compile_for)
-    def compilewithout_collection(signature: Any) -> Any:
+    def compile_without_collection(signature: Any) -> Any:
         """Compile for a signature without garbage collection, which is faster."""
         enabled = gc.isenabled()
         gc.disable()
@@ -123,4 +123,4 @@ def without_collection(compile_for: Any) -> Any:
             if enabled:
                 gc.enable()
 
-    return compilewithout_collection
+    return compile_without_collection
